@@ -1,6 +1,6 @@
 """glTF's metallic-roughness surface: Lambert under a GGX microfacet coat, and thin transmission straight through.
 
-Directions are in the shading frame, z along the normal; `wo` and `wi` both point away from the surface.
+Directions are in the shading frame, z along the normal; `wo` and `wi` both point away from the surface. All functions take lanes, or numbers.
 Sampling of visible normals after Heitz, Sampling the GGX Distribution of Visible Normals (JCGT 2018).
 """
 
@@ -10,6 +10,7 @@ import math
 
 from numba import njit
 
+from scenefold.render.lanes_kernels import select
 from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
 
 ALPHA_MIN = 1e-3
@@ -33,7 +34,7 @@ def fresnel_schlick(f0, cosine):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", _nrt=False)
 def frame_of(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit vectors that make a right-handed frame with the unit normal (Duff et al., JCGT 2017)."""
-    sign = 1.0 if nz >= 0.0 else -1.0
+    sign = select(nz >= 0.0, 1.0, -1.0)
     a = -1.0 / (sign + nz)
     b = nx * ny * a
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
@@ -54,11 +55,9 @@ def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
     scale = 1.0 / math.sqrt(sx * sx + sy * sy + sz * sz)
     sx, sy, sz = sx * scale, sy * scale, sz * scale
     flat = sx * sx + sy * sy
-    if flat > 1e-14:
-        inverse = 1.0 / math.sqrt(flat)
-        ax, ay, az = -sy * inverse, sx * inverse, 0.0
-    else:
-        ax, ay, az = 1.0, 0.0, 0.0
+    tilted = flat > 1e-14
+    inverse = 1.0 / math.sqrt(select(tilted, flat, 1.0))
+    ax, ay, az = select(tilted, -sy * inverse, 1.0), select(tilted, sx * inverse, 0.0), 0.0
     bx, by, bz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
     s, c = sine_cosine_of_turns(v)
     r = math.sqrt(u)
@@ -76,10 +75,8 @@ def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
 def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0_dielectric, transmission, choose_coat):  # type: ignore[no-untyped-def]
     """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
 
-    Both directions on the upper side; the straight-through lobe is a delta and no part of either.
+    Both directions on the upper side, else all is 0; the straight-through lobe is a delta and no part of either.
     """
-    if woz <= 0.0 or wiz <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
     hx, hy, hz = wox + wix, woy + wiy, woz + wiz
     scale = 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
     hx, hy, hz = hx * scale, hy * scale, hz * scale
@@ -95,11 +92,12 @@ def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alp
     f_d = fresnel_schlick(f0_dielectric, cosine)
     body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * INVERSE_PI
     pdf = choose_coat * coat_pdf + (1.0 - choose_coat) * wiz * INVERSE_PI
+    above = (woz > 0.0) & (wiz > 0.0)
     return (
-        body * base_r + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_r, cosine)),
-        body * base_g + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_g, cosine)),
-        body * base_b + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_b, cosine)),
-        pdf,
+        select(above, body * base_r + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_r, cosine)), 0.0),
+        select(above, body * base_g + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_g, cosine)), 0.0),
+        select(above, body * base_b + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_b, cosine)), 0.0),
+        select(above, pdf, 0.0),
     )
 
 
@@ -111,6 +109,4 @@ def coat_probability(woz, base_r, base_g, base_b, metallic, f0_dielectric, trans
     coat = (1.0 - metallic) * f_d + metallic * fresnel_schlick(lum, woz)
     body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * lum
     total = coat + body
-    if not total > 1e-12:
-        return 1.0
-    return min(max(coat / total, 0.1), 1.0) if body > 0.0 else 1.0
+    return select((total > 1e-12) & (body > 0.0), min(max(coat / total, 0.1), 1.0), 1.0)

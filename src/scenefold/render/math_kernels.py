@@ -3,7 +3,7 @@
 libm, SVML and numpy's transcendentals differ between machines and versions, and a sum over a batch depends
 on its length; so sine, cosine, exp2 and log2 are polynomials of our own, random numbers are hashes of what
 they are for, and the packed forms of the ray record (directions, throughput, pdf) are defined here, once.
-All functions are scalar device functions, inlined into the kernels that loop over batches.
+All functions are device functions, inlined into the kernels that loop over batches; what the shader uses takes lanes as well as numbers (lanes_kernels.py).
 
 `_nrt=False`, here and in all kernels that allocate nothing: numba does not count references to the arrays that they
 are given (docs/decisions/0005-kernels-count-no-references.md).
@@ -15,8 +15,9 @@ import math
 
 import numpy as np
 from numba import njit, types
-from numba.core import cgutils
 from numba.extending import intrinsic
+
+from scenefold.render.lanes_kernels import as_word, bits_of, gather, real_of_bits, real_of_word, rounded_down, select, word_of_real
 
 PI = 3.141592653589793
 INVERSE_PI = 0.3183098861837907
@@ -27,27 +28,8 @@ _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _U32 = np.uint64(0xFFFFFFFF)
+_TWO_TO_MINUS_52 = 1.0 / 4503599627370496.0
 _TWO_TO_MINUS_53 = 1.0 / 9007199254740992.0
-
-
-@intrinsic
-def f64_bits(typingctx, value):  # type: ignore[no-untyped-def]
-    """The 64 bits of a float64."""
-
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        return builder.bitcast(args[0], context.get_value_type(types.uint64))
-
-    return types.uint64(types.float64), codegen
-
-
-@intrinsic
-def f64_from_bits(typingctx, value):  # type: ignore[no-untyped-def]
-    """The float64 with these 64 bits."""
-
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        return builder.bitcast(args[0], context.get_value_type(types.float64))
-
-    return types.float64(types.uint64), codegen
 
 
 @intrinsic
@@ -70,9 +52,6 @@ def f32_from_bits(typingctx, value):  # type: ignore[no-untyped-def]
     return types.float32(types.uint32), codegen
 
 
-assert cgutils is not None
-
-
 # Random numbers ------------------------------------------------------------------------------------------
 
 
@@ -89,14 +68,15 @@ def path_key(seed, frame, pixel, sample):  # type: ignore[no-untyped-def]
     """The key of one path: a function of what the path is, never of who traces it or when."""
     key = mix64(np.uint64(seed) + _GOLDEN)
     key = mix64(key ^ (np.uint64(frame) * _GOLDEN))
-    return mix64(key + ((np.uint64(pixel) << np.uint64(32)) | np.uint64(sample)) * _GOLDEN)
+    return mix64(key + ((as_word(pixel) << np.uint64(32)) | as_word(sample)) * _GOLDEN)
 
 
 @njit(error_model="numpy", _nrt=False)
 def uniform(key, bounce, dimension):  # type: ignore[no-untyped-def]
     """A number in [0, 1), of 53 bits, for one dimension of one bounce of a path."""
-    counter = np.uint64(bounce) * np.uint64(64) + np.uint64(dimension) + np.uint64(1)
-    return float(mix64(key + counter * _GOLDEN) >> np.uint64(11)) * _TWO_TO_MINUS_53
+    counter = as_word(bounce) * np.uint64(64) + np.uint64(dimension) + np.uint64(1)
+    word = mix64(key + counter * _GOLDEN) >> np.uint64(11)
+    return real_of_word(word >> np.uint64(1)) * _TWO_TO_MINUS_52 + real_of_word(word & np.uint64(1)) * _TWO_TO_MINUS_53
 
 
 # Elementary functions ------------------------------------------------------------------------------------
@@ -134,25 +114,21 @@ def _cos_small(x):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", _nrt=False)
 def sine_cosine_of_turns(turns):  # type: ignore[no-untyped-def]
     """(sin, cos) of an angle given in whole turns, 0 <= turns <= 1."""
-    quarter = int(turns * 4.0 + 0.5)
+    quarter = rounded_down(turns * 4.0 + 0.5)
     rest = (turns - quarter * 0.25) * (2.0 * PI)
     s, c = _sin_small(rest), _cos_small(rest)
-    quarter &= 3
-    if quarter == 0:
-        return s, c
-    if quarter == 1:
-        return c, -s
-    if quarter == 2:
-        return -s, -c
-    return -c, s
+    crosswise = (quarter == 1.0) | (quarter == 3.0)
+    sine, cosine = select(crosswise, c, s), select(crosswise, s, c)
+    sine = select((quarter == 2.0) | (quarter == 3.0), -sine, sine)
+    return sine, select((quarter == 1.0) | (quarter == 2.0), -cosine, cosine)
 
 
 @njit(error_model="numpy", _nrt=False)
 def log2_of(x):  # type: ignore[no-untyped-def]
     """Base-2 logarithm of a normal positive x; error below 1e-15 relative to the result's scale."""
-    bits = f64_bits(x)
+    bits = bits_of(x)
     exponent = int((bits >> np.uint64(52)) & np.uint64(0x7FF)) - 1023
-    mantissa = f64_from_bits((bits & np.uint64(0x000FFFFFFFFFFFFF)) | np.uint64(0x3FF0000000000000))
+    mantissa = real_of_bits((bits & np.uint64(0x000FFFFFFFFFFFFF)) | np.uint64(0x3FF0000000000000))
     if mantissa > 1.4142135623730951:
         mantissa *= 0.5
         exponent += 1
@@ -193,7 +169,7 @@ def exp2_of(x):  # type: ignore[no-untyped-def]
     p = p * f + 0.5
     p = p * f + 1.0
     p = p * f + 1.0
-    return p * f64_from_bits(np.uint64(int(whole) + 1023) << np.uint64(52))
+    return p * real_of_bits(np.uint64(int(whole) + 1023) << np.uint64(52))
 
 
 @njit(error_model="numpy", _nrt=False)
@@ -209,32 +185,34 @@ def power_of(base, exponent):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy", _nrt=False)
 def _coordinate_code(x):  # type: ignore[no-untyped-def]
-    scaled = (x * 0.5 + 0.5) * 4294967295.0 + 0.5
-    if scaled <= 0.0:
-        return np.uint32(0)
-    if scaled >= 4294967295.0:
-        return np.uint32(0xFFFFFFFF)
-    return np.uint32(np.uint64(scaled))
+    return word_of_real(min(max(rounded_down((x * 0.5 + 0.5) * 4294967295.0 + 0.5), 0.0), 4294967295.0))
+
+
+@njit(error_model="numpy", _nrt=False)
+def _unfolded(u, v, z):  # type: ignore[no-untyped-def]
+    """Octahedral coordinates of the other side, where z is below 0."""
+    below = z < 0.0
+    return (
+        select(below, (1.0 - abs(v)) * select(u >= 0.0, 1.0, -1.0), u),
+        select(below, (1.0 - abs(u)) * select(v >= 0.0, 1.0, -1.0), v),
+    )
 
 
 @njit(error_model="numpy", _nrt=False)
 def encode_direction(x, y, z):  # type: ignore[no-untyped-def]
-    """The octahedral code of a direction of any length > 0."""
+    """The octahedral code of a direction of any length > 0: two words below 2^32."""
     scale = 1.0 / (abs(x) + abs(y) + abs(z))
-    u, v = x * scale, y * scale
-    if z < 0.0:
-        u, v = (1.0 - abs(v)) * (1.0 if u >= 0.0 else -1.0), (1.0 - abs(u)) * (1.0 if v >= 0.0 else -1.0)
+    u, v = _unfolded(x * scale, y * scale, z)
     return _coordinate_code(u), _coordinate_code(v)
 
 
 @njit(error_model="numpy", _nrt=False)
 def decode_direction(code_u, code_v):  # type: ignore[no-untyped-def]
     """The unit direction (f64) that a code stands for. The code is the truth: never pack the result again."""
-    u = float(code_u) * (2.0 / 4294967295.0) - 1.0
-    v = float(code_v) * (2.0 / 4294967295.0) - 1.0
+    u = real_of_word(as_word(code_u)) * (2.0 / 4294967295.0) - 1.0
+    v = real_of_word(as_word(code_v)) * (2.0 / 4294967295.0) - 1.0
     z = 1.0 - abs(u) - abs(v)
-    if z < 0.0:
-        u, v = (1.0 - abs(v)) * (1.0 if u >= 0.0 else -1.0), (1.0 - abs(u)) * (1.0 if v >= 0.0 else -1.0)
+    u, v = _unfolded(u, v, z)
     scale = 1.0 / math.sqrt(u * u + v * v + z * z)
     return u * scale, v * scale, z * scale
 
@@ -243,17 +221,14 @@ def decode_direction(code_u, code_v):  # type: ignore[no-untyped-def]
 
 _EXPONENT_BIAS = 256
 _COLOR_MAX = 8191.0 / 8192.0 * 2.0**255
-
-
-@njit(error_model="numpy", _nrt=False)
-def _exponent_above(x):  # type: ignore[no-untyped-def]
-    """The smallest e with x < 2^e, for a normal positive x."""
-    return int((f64_bits(x) >> np.uint64(52)) & np.uint64(0x7FF)) - 1022
-
-
-@njit(error_model="numpy", _nrt=False)
-def _power_of_two(e):  # type: ignore[no-untyped-def]
-    return f64_from_bits(np.uint64(e + 1023) << np.uint64(52))
+_EXPONENT_MASK = np.uint64(0x7FF)
+_F64_BIAS = 1022
+"""Of an f64's exponent field, counted so that a number is below 2^(field - bias)."""
+_FIELD_MAX = np.uint64(254 + _F64_BIAS)
+_SCALE_FIELD = np.uint64(13 + 1023 + _F64_BIAS)
+_CODE_OF_FIELD = np.uint64(_F64_BIAS - _EXPONENT_BIAS)
+_FIELD_OF_CODE = np.uint64(1023 - 13 - _EXPONENT_BIAS)
+_FRACTION = np.uint64(52)
 
 
 @njit(error_model="numpy", _nrt=False)
@@ -264,35 +239,34 @@ def encode_color(r, g, b, key, bounce, dimension):  # type: ignore[no-untyped-de
     """
     r, g, b = min(r, _COLOR_MAX), min(g, _COLOR_MAX), min(b, _COLOR_MAX)
     largest = max(r, max(g, b))
-    if not largest > 1e-70:
-        return np.uint64(0)
-    e = min(_exponent_above(largest), 254)
+    field = (bits_of(largest) >> _FRACTION) & _EXPONENT_MASK
+    field = select(field > _FIELD_MAX, _FIELD_MAX, field)
+    scale = real_of_bits((_SCALE_FIELD - field) << _FRACTION)
     u_r, u_g, u_b = uniform(key, bounce, dimension), uniform(key, bounce, dimension + 1), uniform(key, bounce, dimension + 2)
-    scale = _power_of_two(13 - e)
-    m_r, m_g, m_b = int(r * scale + u_r), int(g * scale + u_g), int(b * scale + u_b)
-    if max(m_r, max(m_g, m_b)) > 8191:
-        # Rounding carried into the next power of two: the code one exponent up is as good.
-        e += 1
-        scale *= 0.5
-        m_r, m_g, m_b = int(r * scale + u_r), int(g * scale + u_g), int(b * scale + u_b)
-    m_r, m_g, m_b = min(m_r, 8191), min(m_g, 8191), min(m_b, 8191)
-    return (
-        np.uint64(m_r)
-        | (np.uint64(m_g) << np.uint64(13))
-        | (np.uint64(m_b) << np.uint64(26))
-        | (np.uint64(e + _EXPONENT_BIAS) << np.uint64(39))
+    most = max(rounded_down(r * scale + u_r), max(rounded_down(g * scale + u_g), rounded_down(b * scale + u_b)))
+    # Where rounding carried into the next power of two, the code one exponent up is as good.
+    carried = most > 8191.0
+    scale = select(carried, scale * 0.5, scale)
+    field = select(carried, field + np.uint64(1), field)
+    m_r, m_g, m_b = rounded_down(r * scale + u_r), rounded_down(g * scale + u_g), rounded_down(b * scale + u_b)
+    code = (
+        word_of_real(min(m_r, 8191.0))
+        | (word_of_real(min(m_g, 8191.0)) << np.uint64(13))
+        | (word_of_real(min(m_b, 8191.0)) << np.uint64(26))
+        | ((field - _CODE_OF_FIELD) << np.uint64(39))
     )
+    return select(largest > 1e-70, code, np.uint64(0))
 
 
 @njit(error_model="numpy", _nrt=False)
 def decode_color(code):  # type: ignore[no-untyped-def]
     """The colour (f64) of a 48-bit code."""
     mask = np.uint64(0x1FFF)
-    scale = _power_of_two(int((code >> np.uint64(39)) & np.uint64(0x1FF)) - _EXPONENT_BIAS - 13)
+    scale = real_of_bits((((code >> np.uint64(39)) & np.uint64(0x1FF)) + _FIELD_OF_CODE) << _FRACTION)
     return (
-        float(code & mask) * scale,
-        float((code >> np.uint64(13)) & mask) * scale,
-        float((code >> np.uint64(26)) & mask) * scale,
+        real_of_word(code & mask) * scale,
+        real_of_word((code >> np.uint64(13)) & mask) * scale,
+        real_of_word((code >> np.uint64(26)) & mask) * scale,
     )
 
 
@@ -320,21 +294,21 @@ def encode_pdf(pdf):  # type: ignore[no-untyped-def]
 
     A shorter logarithm than `log2_of`, around the middle of an octave: its error, 1e-12, is far below a step.
     """
-    if not pdf > 5.960464477539063e-08:
-        return 0
-    bits = f64_bits(pdf)
-    exponent = int((bits >> np.uint64(52)) & np.uint64(0x7FF)) - 1023
-    mantissa = f64_from_bits((bits & np.uint64(0x000FFFFFFFFFFFFF)) | np.uint64(0x3FF0000000000000))
+    bits = bits_of(pdf)
+    exponent = real_of_word((bits >> _FRACTION) & _EXPONENT_MASK) - 1023.0
+    mantissa = real_of_bits((bits & np.uint64(0x000FFFFFFFFFFFFF)) | np.uint64(0x3FF0000000000000))
     y = (mantissa - 1.4142135623730951) / (mantissa + 1.4142135623730951)
     z = y * y
     zz = z * z
     p = (z * (1.0 / 5.0) + 1.0 / 3.0) + zz * (z * (1.0 / 9.0) + 1.0 / 7.0) + zz * zz * (z * (1.0 / 13.0) + 1.0 / 11.0)
     logarithm = 0.5 + (y + y * z * p) * (2.0 * LOG2_E)
-    code = int((logarithm + (exponent + 24)) * 1024.0 + 0.5)
-    return min(code, 65534)
+    code = rounded_down((logarithm + (exponent + 24.0)) * 1024.0 + 0.5)
+    return word_of_real(select(pdf > 5.960464477539063e-08, min(code, 65534.0), 0.0))
 
 
 @njit(error_model="numpy", _nrt=False)
 def decode_pdf(code):  # type: ignore[no-untyped-def]
     """The density that a code below 65535 stands for."""
-    return _STEPS_OF_TWO[code & 1023] * f64_from_bits(np.uint64((code >> 10) - 24 + 1023) << np.uint64(52))
+    code = as_word(code)
+    step = gather(_STEPS_OF_TWO, (code & np.uint64(1023),))
+    return step * real_of_bits(((code >> np.uint64(10)) + np.uint64(1023 - 24)) << _FRACTION)

@@ -2,14 +2,52 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
 from scenefold.base.rays import KIND_POINT_SHADOW, KIND_SHADOW
+from scenefold.render.lanes_kernels import f32_of_bits, gather
 from scenefold.render.math_kernels import f32_bits, f32_from_bits
 
 _U16 = np.uint32(0xFFFF)
 _U8 = np.uint32(0xFF)
+
+
+class HitRays(NamedTuple):
+    """Path rays in lanes: reals, and words for the rest."""
+
+    x: Any
+    y: Any
+    z: Any
+    code_u: Any
+    code_v: Any
+    pdf: Any
+    """The density's code."""
+    color: Any
+    """The throughput's."""
+    path: Any
+    kind: Any
+    bounce: Any
+
+
+@njit(error_model="numpy", _nrt=False)
+def read_hit_rays(rays, at):  # type: ignore[no-untyped-def]
+    """The path rays at these places, words."""
+    low, high, rest = gather(rays, (at, 6)), gather(rays, (at, 7)), gather(rays, (at, 8))
+    return HitRays(
+        f32_of_bits(gather(rays, (at, 0))),
+        f32_of_bits(gather(rays, (at, 1))),
+        f32_of_bits(gather(rays, (at, 2))),
+        gather(rays, (at, 3)),
+        gather(rays, (at, 4)),
+        gather(rays, (at, 5)) & np.uint64(0xFFFF),
+        low | ((high & np.uint64(0xFFFF)) << np.uint64(32)),
+        high >> np.uint64(16),
+        (rest >> np.uint64(8)) & np.uint64(7),
+        (rest >> np.uint64(11)) & np.uint64(31),
+    )
 
 
 @njit(error_model="numpy", _nrt=False)
@@ -93,7 +131,7 @@ def _write_rest(rays, i, ox, oy, oz, color, path, kind, bounce, step):  # type: 
     rays[i, 0], rays[i, 1], rays[i, 2] = f32_bits(ox), f32_bits(oy), f32_bits(oz)
     rays[i, 6] = np.uint32(color & np.uint64(0xFFFFFFFF))
     rays[i, 7] = np.uint32(color >> np.uint64(32)) | (np.uint32(path) << np.uint32(16))
-    rays[i, 8] = (np.uint32(kind | (bounce << 3)) << np.uint32(8)) | (np.uint32(step) << np.uint32(16))
+    rays[i, 8] = ((np.uint32(kind) | (np.uint32(bounce) << np.uint32(3))) << np.uint32(8)) | (np.uint32(step) << np.uint32(16))
 
 
 @njit(error_model="numpy", _nrt=False)

@@ -27,8 +27,8 @@ from scenefold.render.bsdf_kernels import fresnel_schlick
 from scenefold.render.math_kernels import mix64
 from scenefold.render.texture_kernels import sample_texture
 
-ALPHA_MASK = 1
-ALPHA_BLEND = 2
+ALPHA_MASK = 1.0
+ALPHA_BLEND = 2.0
 
 _BASE, _METALLIC, _TRANSMISSION, _IOR = (
     MaterialColumn.BASE,
@@ -58,19 +58,20 @@ def opacity(row, alpha):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False)
-def is_surely_opaque(row):  # type: ignore[no-untyped-def]
-    """Whether alpha hides nothing of a material anywhere; next-event estimation asks no other emitters.
+def is_surely_opaque(mode, cutoff, alpha, base_texture):  # type: ignore[no-untyped-def]
+    """Whether alpha hides nothing of a material anywhere (lanes, or numbers); next-event estimation asks no other emitters.
 
     It would have to know alpha at the point that it samples, and the texels there are held elsewhere.
     """
-    return row[_ALPHA_MODE] == 0.0 or (row[_BASE_TEXTURE] < 0.0 and opacity(row, row[_BASE + 3]) >= 1.0)
+    whole = ((mode == ALPHA_MASK) & (alpha >= cutoff)) | ((mode == ALPHA_BLEND) & (alpha >= 1.0))
+    return (mode == 0.0) | ((base_texture < 0.0) & whole)
 
 
 @njit(error_model="numpy", _nrt=False)
-def passed_share(row, metallic, cosine):  # type: ignore[no-untyped-def]
-    """q: how much of the light that meets the surface at this cosine passes straight on, before tint."""
-    ratio = (row[_IOR] - 1.0) / (row[_IOR] + 1.0)
-    return row[_TRANSMISSION] * (1.0 - metallic) * (1.0 - fresnel_schlick(ratio * ratio, cosine))
+def passed_share(transmission, ior, metallic, cosine):  # type: ignore[no-untyped-def]
+    """q: how much of the light that meets the surface at this cosine passes straight on, before tint (lanes, or numbers)."""
+    ratio = (ior - 1.0) / (ior + 1.0)
+    return transmission * (1.0 - metallic) * (1.0 - fresnel_schlick(ratio * ratio, cosine))
 
 
 @njit(error_model="numpy", _nrt=False)
@@ -125,7 +126,7 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     a = opacity(row, alpha)
     if not row[_TRANSMISSION] > 0.0:
         return 1.0 - a, 1.0 - a, 1.0 - a
-    passed = a * passed_share(row, metallic, cosine)
+    passed = a * passed_share(row[_TRANSMISSION], row[_IOR], metallic, cosine)
     return 1.0 - a + passed * r, 1.0 - a + passed * g, 1.0 - a + passed * b
 
 

@@ -2,6 +2,9 @@
 
 One batch in, at most two rays a hit out (a bounce and a shadow ray), contributions into integer sums per path.
 Every number depends on the record, the scene and the job alone, never on the batch (rendering.md, Bits).
+
+What ended without a hit is dealt with ray by ray. Hits go through the surface in lanes, four at a time, whichever
+they are: what one of them does not need is computed and left.
 """
 
 from __future__ import annotations
@@ -23,6 +26,19 @@ from scenefold.render.bsdf_kernels import (
     sample_visible_normal,
 )
 from scenefold.render.generate_kernels import depth_of
+from scenefold.render.lanes_kernels import (
+    LANES,
+    alike,
+    any_lane,
+    gather,
+    lane_of,
+    no_flags,
+    no_words,
+    opposite,
+    real_of_word,
+    select,
+    with_lane,
+)
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_pdf
 from scenefold.render.math_kernels import (
     decode_color,
@@ -35,13 +51,11 @@ from scenefold.render.math_kernels import (
     uniform,
 )
 from scenefold.render.record_kernels import (
-    bounce_of,
     color_code_of,
     is_shadow_ray,
-    kind_of,
-    origin_of,
     path_of,
     pdf_code_of,
+    read_hit_rays,
     write_path_ray,
     write_shadow_ray,
 )
@@ -85,6 +99,7 @@ _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
 )
 _TRANSMISSION, _IOR, _DOUBLE_SIDED = MaterialColumn.TRANSMISSION, MaterialColumn.IOR, MaterialColumn.DOUBLE_SIDED
 _BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLIC_ROUGHNESS_TEXTURE
+_ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 _WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
 
 
@@ -104,80 +119,107 @@ def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False)
+def _blend(w, u, v, array, i0, i1, i2, column):  # type: ignore[no-untyped-def]
+    """A column of an array of vertices, between three corners."""
+    return w * gather(array, (i0, column)) + u * gather(array, (i1, column)) + v * gather(array, (i2, column))
+
+
+@njit(error_model="numpy", _nrt=False)
+def _turned(matrices, instance, x, y, z):  # type: ignore[no-untyped-def]
+    """A vector through the left 3 x 3 of each lane's matrix."""
+    return (
+        gather(matrices, (instance, 0, 0)) * x + gather(matrices, (instance, 0, 1)) * y + gather(matrices, (instance, 0, 2)) * z,
+        gather(matrices, (instance, 1, 0)) * x + gather(matrices, (instance, 1, 1)) * y + gather(matrices, (instance, 1, 2)) * z,
+        gather(matrices, (instance, 2, 0)) * x + gather(matrices, (instance, 2, 1)) * y + gather(matrices, (instance, 2, 2)) * z,
+    )
+
+
+@njit(error_model="numpy", _nrt=False)
 def _surface(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
-    """World point, geometric normal by winding, shading normal, and texture coordinates of a hit."""
-    i0, i1, i2 = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
+    """World point, geometric normal by winding, shading normal, and texture coordinates of hits."""
+    i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
     w = 1.0 - u - v
     p, n, t = scene.vertices, scene.normals, scene.uvs
-    x0, y0, z0 = float(p[i0, 0]), float(p[i0, 1]), float(p[i0, 2])
-    e1x, e1y, e1z = p[i1, 0] - x0, p[i1, 1] - y0, p[i1, 2] - z0
-    e2x, e2y, e2z = p[i2, 0] - x0, p[i2, 1] - y0, p[i2, 2] - z0
+    x0, y0, z0 = gather(p, (i0, 0)), gather(p, (i0, 1)), gather(p, (i0, 2))
+    e1x, e1y, e1z = gather(p, (i1, 0)) - x0, gather(p, (i1, 1)) - y0, gather(p, (i1, 2)) - z0
+    e2x, e2y, e2z = gather(p, (i2, 0)) - x0, gather(p, (i2, 1)) - y0, gather(p, (i2, 2)) - z0
     px, py, pz = x0 + u * e1x + v * e2x, y0 + u * e1y + v * e2y, z0 + u * e1z + v * e2z
     gx, gy, gz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-    sx = w * n[i0, 0] + u * n[i1, 0] + v * n[i2, 0]
-    sy = w * n[i0, 1] + u * n[i1, 1] + v * n[i2, 1]
-    sz = w * n[i0, 2] + u * n[i1, 2] + v * n[i2, 2]
-    if instance != 0:
-        m, k = scene.instance_matrices[instance], scene.instance_normals[instance]
+    sx, sy, sz = _blend(w, u, v, n, i0, i1, i2, 0), _blend(w, u, v, n, i0, i1, i2, 1), _blend(w, u, v, n, i0, i1, i2, 2)
+    placed = instance != np.uint64(0)
+    if any_lane(placed):
+        m, k = scene.instance_matrices, scene.instance_normals
+        qx, qy, qz = _turned(m, instance, px, py, pz)
         px, py, pz = (
-            m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3],
-            m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3],
-            m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3],
+            select(placed, qx + gather(m, (instance, 0, 3)), px),
+            select(placed, qy + gather(m, (instance, 1, 3)), py),
+            select(placed, qz + gather(m, (instance, 2, 3)), pz),
         )
-        gx, gy, gz = (
-            k[0, 0] * gx + k[0, 1] * gy + k[0, 2] * gz,
-            k[1, 0] * gx + k[1, 1] * gy + k[1, 2] * gz,
-            k[2, 0] * gx + k[2, 1] * gy + k[2, 2] * gz,
-        )
-        sx, sy, sz = (
-            k[0, 0] * sx + k[0, 1] * sy + k[0, 2] * sz,
-            k[1, 0] * sx + k[1, 1] * sy + k[1, 2] * sz,
-            k[2, 0] * sx + k[2, 1] * sy + k[2, 2] * sz,
-        )
+        qx, qy, qz = _turned(k, instance, gx, gy, gz)
+        gx, gy, gz = select(placed, qx, gx), select(placed, qy, gy), select(placed, qz, gz)
+        qx, qy, qz = _turned(k, instance, sx, sy, sz)
+        sx, sy, sz = select(placed, qx, sx), select(placed, qy, sy), select(placed, qz, sz)
     scale = 1.0 / math.sqrt(max(gx * gx + gy * gy + gz * gz, 1e-60))
     gx, gy, gz = gx * scale, gy * scale, gz * scale
     squared = sx * sx + sy * sy + sz * sz
-    if squared > 1e-12:
-        scale = 1.0 / math.sqrt(squared)
-        sx, sy, sz = sx * scale, sy * scale, sz * scale
-    else:
-        sx, sy, sz = gx, gy, gz
-    tu = w * t[i0, 0] + u * t[i1, 0] + v * t[i2, 0]
-    tv = w * t[i0, 1] + u * t[i1, 1] + v * t[i2, 1]
-    return px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv
+    smooth = squared > 1e-12
+    scale = 1.0 / math.sqrt(select(smooth, squared, 1.0))
+    sx, sy, sz = select(smooth, sx * scale, gx), select(smooth, sy * scale, gy), select(smooth, sz * scale, gz)
+    return px, py, pz, gx, gy, gz, sx, sy, sz, _blend(w, u, v, t, i0, i1, i2, 0), _blend(w, u, v, t, i0, i1, i2, 1)
+
+
+@njit(error_model="numpy", _nrt=False)
+def _texture(scene, material, column, tu, tv):  # type: ignore[no-untyped-def]
+    """Red, green and blue of the texture that a column of the materials names; 1 where there is none.
+
+    Lane by lane: almost all that it does is to look up texels.
+    """
+    rows = scene.materials
+    named = gather(rows, (material, column))
+    r, g, b = alike(1.0, tu), alike(1.0, tu), alike(1.0, tu)
+    if any_lane(named >= 0.0):
+        for k in range(LANES):
+            texture = int(lane_of(named, k))
+            if texture >= 0:
+                row = rows[lane_of(material, k)]
+                tr, tg, tb, _ = sample_texture(
+                    scene.textures, scene.texels, scene.linear_of_srgb, texture,
+                    lane_of(tu, k), lane_of(tv, k), int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0,
+                )  # fmt: skip
+                r, g, b = with_lane(r, k, tr), with_lane(g, k, tg), with_lane(b, k, tb)
+    return r, g, b
 
 
 @njit(error_model="numpy", _nrt=False)
 def _material(scene, material, tu, tv):  # type: ignore[no-untyped-def]
     """Base colour, metallic and roughness with their textures applied."""
-    row = scene.materials[material]
-    r, g, b, metallic, roughness = row[_BASE], row[_BASE + 1], row[_BASE + 2], row[_METALLIC], row[_ROUGHNESS]
-    wrap_s, wrap_t, nearest = int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0
-    texture = int(row[_BASE_TEXTURE])
-    if texture >= 0:
-        tr, tg, tb, _ = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, texture, tu, tv, wrap_s, wrap_t, nearest)
-        r, g, b = r * tr, g * tg, b * tb
-    texture = int(row[_MR_TEXTURE])
-    if texture >= 0:
-        _, tg, tb, _ = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, texture, tu, tv, wrap_s, wrap_t, nearest)
-        roughness, metallic = roughness * tg, metallic * tb
+    rows = scene.materials
+    tr, tg, tb = _texture(scene, material, _BASE_TEXTURE, tu, tv)
+    r, g, b = gather(rows, (material, _BASE)) * tr, gather(rows, (material, _BASE + 1)) * tg, gather(rows, (material, _BASE + 2)) * tb
+    _, tg, tb = _texture(scene, material, _MR_TEXTURE, tu, tv)
+    roughness, metallic = gather(rows, (material, _ROUGHNESS)) * tg, gather(rows, (material, _METALLIC)) * tb
     return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, out):  # type: ignore[no-untyped-def]
+def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, hits, out):  # type: ignore[no-untyped-def]
     """Shade a cast batch; returns how many new rays were written to `out`.
 
     rays uint32[n, 9]; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]: instance, group, primitive;
     first_path: global number of the pass's path 0; sums int64[paths, 3]; aovs int32[paths, AOV_COLUMNS];
-    counters int64[COUNTERS]; out uint32[>= 2 n, 9], rays with t_done 0.
+    counters int64[COUNTERS]; hits int64[>= n], scratch; out uint32[>= 2 n, 9], rays with t_done 0.
     """
-    made = 0
+    count = 0
     for i in range(rays.shape[0]):
+        if status[i] == STATUS_HIT:
+            hits[count] = i
+            count += 1
+            # Shadow rays that hit are dead: the caster says so.
+            continue
         shadow = is_shadow_ray(rays, i)
         if shadow:
             counters[COUNT_SHADOW_RAYS] += 1
-        if status[i] == STATUS_FORWARD or status[i] == STATUS_DEAD:
+        if status[i] != STATUS_FREE:
             continue
         path = path_of(rays, i)
         r, g, b = decode_color(color_code_of(rays, i))
@@ -185,77 +227,92 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
             _add(sums, counters, path, r, g, b)
             continue
         pdf_code = pdf_code_of(rays, i)
-        if status[i] == STATUS_FREE:
-            weight = 1.0
-            if pdf_code != PDF_DELTA:
-                pdf, other = decode_pdf(pdf_code), sky_pdf(job)
-                weight = pdf * pdf / (pdf * pdf + other * other)
-            _add(sums, counters, path, r * job.sky[0] * weight, g * job.sky[1] * weight, b * job.sky[2] * weight)
-            continue
-        made = _shade_hit(rays, i, hit_uv, hit_ids, scene, job, first_path + path, path, r, g, b, pdf_code, sums, aovs, counters, out, made)
+        weight = 1.0
+        if pdf_code != PDF_DELTA:
+            pdf, other = decode_pdf(pdf_code), sky_pdf(job)
+            weight = pdf * pdf / (pdf * pdf + other * other)
+        _add(sums, counters, path, r * job.sky[0] * weight, g * job.sky[1] * weight, b * job.sky[2] * weight)
+    made = 0
+    for first in range(0, count, LANES):
+        made = _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, out, made)
     return made
 
 
 @njit(error_model="numpy", _nrt=False)
-def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_code, sums, aovs, counters, out, made):  # type: ignore[no-untyped-def]
-    bounce = bounce_of(rays, i)
-    ox, oy, oz = origin_of(rays, i)
-    dx, dy, dz = decode_direction(rays[i, 3], rays[i, 4])
-    instance = int(hit_ids[i, 0])
-    triangle = scene.group_first[hit_ids[i, 1]] + int(hit_ids[i, 2])
-    px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = _surface(scene, triangle, instance, float(hit_uv[i, 0]), float(hit_uv[i, 1]))
-    material = int(scene.triangle_material[triangle])
-    row = scene.materials[material]
+def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, out, made):  # type: ignore[no-untyped-def]
+    """Hits first .. first + LANES - 1; where there are fewer, lanes that are left shade the last one again, and nothing comes of them."""
+    at, live = no_words(), no_flags()
+    for k in range(LANES):
+        at = with_lane(at, k, hits[min(first + k, count - 1)])
+        live = with_lane(live, k, first + k < count)
+    ray = read_hit_rays(rays, at)
+    instance = gather(hit_ids, (at, 0))
+    triangle = gather(scene.group_first, (gather(hit_ids, (at, 1)),)) + gather(hit_ids, (at, 2))
+    u, v = gather(hit_uv, (at, 0)), gather(hit_uv, (at, 1))
+    px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = _surface(scene, triangle, instance, u, v)
+    rows = scene.materials
+    material = gather(scene.triangle_material, (triangle,))
     base_r, base_g, base_b, metallic, alpha = _material(scene, material, tu, tv)
+    dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
     front = facing > 0.0
-    if not front:
-        gx, gy, gz, facing = -gx, -gy, -gz, -facing
-    if sx * gx + sy * gy + sz * gz < 0.0:
-        sx, sy, sz = -sx, -sy, -sz
-    if -(dx * sx + dy * sy + dz * sz) <= 1e-4:
-        sx, sy, sz = gx, gy, gz
-    qx, qy, qz = px - ox, py - oy, pz - oz
+    gx, gy, gz, facing = select(front, gx, -gx), select(front, gy, -gy), select(front, gz, -gz), select(front, facing, -facing)
+    inwards = sx * gx + sy * gy + sz * gz < 0.0
+    sx, sy, sz = select(inwards, -sx, sx), select(inwards, -sy, sy), select(inwards, -sz, sz)
+    hidden = -(dx * sx + dy * sy + dz * sz) <= 1e-4
+    sx, sy, sz = select(hidden, gx, sx), select(hidden, gy, sy), select(hidden, gz, sz)
+    qx, qy, qz = px - ray.x, py - ray.y, pz - ray.z
     squared = qx * qx + qy * qy + qz * qz
 
     diagonal = diagonal_of_box(job.box_low, job.box_high)
-
-    if kind_of(rays, i) == KIND_CAMERA:
-        aovs[path, 0] = np.int32(min(base_r, 100.0) * AOV_UNIT + 0.5)
-        aovs[path, 1] = np.int32(min(base_g, 100.0) * AOV_UNIT + 0.5)
-        aovs[path, 2] = np.int32(min(base_b, 100.0) * AOV_UNIT + 0.5)
-        aovs[path, 3] = np.int32(math.floor(sx * AOV_UNIT + 0.5))
-        aovs[path, 4] = np.int32(math.floor(sy * AOV_UNIT + 0.5))
-        aovs[path, 5] = np.int32(math.floor(sz * AOV_UNIT + 0.5))
-        aovs[path, 6] = np.int32(min(depth_of(job, px, py, pz) / diagonal, 100.0) * AOV_UNIT + 0.5)
-        aovs[path, 7] = np.int32(1)
+    _note_first_hits(live & (ray.kind == np.uint64(KIND_CAMERA)), ray, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs)
 
     # What the caster's filter lets pass is not shaded; what is shaded stands for the rest (see_through_kernels).
-    through, tint_r, tint_g, tint_b = 0.0, 0.0, 0.0, 0.0
-    if row[_TRANSMISSION] > 0.0 and metallic < 1.0:
-        share = passed_share(row, metallic, facing)
+    r, g, b = decode_color(ray.color)
+    through, tint_r, tint_g, tint_b = alike(0.0, px), alike(0.0, px), alike(0.0, px), alike(0.0, px)
+    transmission, ior = gather(rows, (material, _TRANSMISSION)), gather(rows, (material, _IOR))
+    clear = (transmission > 0.0) & (metallic < 1.0)
+    if any_lane(clear):
+        share = passed_share(transmission, ior, metallic, facing)
         least, most = min(base_r, min(base_g, base_b)), max(base_r, max(base_g, base_b))
         left = 1.0 - share * least
-        if not left > 1e-9:
-            return made
-        r, g, b = r / left, g / left, b / left
-        if most > least:
-            through = share * (most - least)
-            tint_r, tint_g, tint_b = (base_r - least) / (most - least), (base_g - least) / (most - least), (base_b - least) / (most - least)
-    emission_r, emission_g, emission_b = row[_EMISSION], row[_EMISSION + 1], row[_EMISSION + 2]
-    if (front or row[_DOUBLE_SIDED] != 0.0) and emission_r + emission_g + emission_b > 0.0:
-        weight = 1.0
-        if pdf_code != PDF_DELTA and facing > 1e-6 and is_surely_opaque(row):
-            pdf, other = decode_pdf(pdf_code), emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
-            weight = pdf * pdf / (pdf * pdf + other * other)
-        _add(sums, counters, path, r * emission_r * weight, g * emission_g * weight, b * emission_b * weight)
-    if bounce + 1 >= job.depth:
+        live = live & (opposite(clear) | (left > 1e-9))
+        r, g, b = select(clear, r / left, r), select(clear, g / left, g), select(clear, b / left, b)
+        tinted = clear & (most > least)
+        range_ = select(tinted, most - least, 1.0)
+        through = select(tinted, share * (most - least), 0.0)
+        tint_r, tint_g, tint_b = (base_r - least) / range_, (base_g - least) / range_, (base_b - least) / range_
+    emission_r, emission_g, emission_b = (
+        gather(rows, (material, _EMISSION)),
+        gather(rows, (material, _EMISSION + 1)),
+        gather(rows, (material, _EMISSION + 2)),
+    )
+    shines = live & (front | (gather(rows, (material, _DOUBLE_SIDED)) != 0.0)) & (emission_r + emission_g + emission_b > 0.0)
+    if any_lane(shines):
+        opaque = is_surely_opaque(
+            gather(rows, (material, _ALPHA_MODE)), gather(rows, (material, _ALPHA_CUTOFF)),
+            gather(rows, (material, _BASE + 3)), gather(rows, (material, _BASE_TEXTURE)),
+        )  # fmt: skip
+        pdf, other = decode_pdf(ray.pdf), emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
+        weight = select((ray.pdf != np.uint64(PDF_DELTA)) & (facing > 1e-6) & opaque, pdf * pdf / (pdf * pdf + other * other), 1.0)
+        for k in range(LANES):
+            if lane_of(shines, k):
+                w = lane_of(weight, k)
+                _add(
+                    sums, counters, lane_of(ray.path, k),
+                    lane_of(r, k) * lane_of(emission_r, k) * w,
+                    lane_of(g, k) * lane_of(emission_g, k) * w,
+                    lane_of(b, k) * lane_of(emission_b, k) * w,
+                )  # fmt: skip
+    live = live & (real_of_word(ray.bounce) + 1.0 < job.depth)
+    if not any_lane(live):
         return made
 
-    pixels = job.width * job.height
-    key = path_key(job.seed, job.frame, (number % pixels) * job.stride % pixels, number // pixels)
-    transmission = row[_TRANSMISSION]
-    ratio = (row[_IOR] - 1.0) / (row[_IOR] + 1.0)
+    pixels = np.uint64(job.width * job.height)
+    number = ray.path + np.uint64(first_path)
+    sample = number // pixels
+    key = path_key(job.seed, job.frame, (number - sample * pixels) * np.uint64(job.stride) % pixels, sample)
+    ratio = (ior - 1.0) / (ior + 1.0)
     f0 = ratio * ratio
     ax, ay, az, bx, by, bz = frame_of(sx, sy, sz)
     wox = -(dx * ax + dy * ay + dz * az)
@@ -265,64 +322,96 @@ def _shade_hit(rays, i, hit_uv, hit_ids, scene, job, number, path, r, g, b, pdf_
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, diagonal)
 
     # A shadow ray towards one light sample.
-    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(
-        scene, job, key, bounce, float(fx), float(fy), float(fz), gx, gy, gz
-    )
-    if found and wx * gx + wy * gy + wz * gz > 0.0:
+    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, key, ray.bounce, fx, fy, fz, gx, gy, gz)
+    found = live & found & (wx * gx + wy * gy + wz * gz > 0.0)
+    if any_lane(found):
         wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
         vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0, transmission, coat)
-        weight = wiz
-        if light_pdf > 0.0:
-            quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
-            weight *= light_pdf * light_pdf / (light_pdf * light_pdf + quantised * quantised)
+        quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
+        finite = light_pdf > 0.0
+        weight = wiz * select(finite, light_pdf * light_pdf / (light_pdf * light_pdf + quantised * quantised), 1.0)
         cr, cg, cb = r * vr * lr * weight, g * vg * lg * weight, b * vb * lb * weight
-        if not cr + cg + cb < math.inf:
-            counters[COUNT_NOT_FINITE] += 1
-        elif cr + cg + cb > 0.0:
-            code = encode_color(cr, cg, cb, key, bounce, DIMENSION_CONTRIBUTION)
-            kind = KIND_SHADOW if light_pdf > 0.0 else KIND_POINT_SHADOW
-            write_shadow_ray(out, made, fx, fy, fz, np.float32(ex), np.float32(ey), np.float32(ez), code, path, kind, bounce)
-            made += 1
+        code = encode_color(cr, cg, cb, key, ray.bounce, DIMENSION_CONTRIBUTION)
+        total = cr + cg + cb
+        for k in range(LANES):
+            if not lane_of(found, k):
+                continue
+            if not lane_of(total, k) < math.inf:
+                counters[COUNT_NOT_FINITE] += 1
+            elif lane_of(total, k) > 0.0:
+                write_shadow_ray(
+                    out, made, np.float32(lane_of(fx, k)), np.float32(lane_of(fy, k)), np.float32(lane_of(fz, k)),
+                    np.float32(lane_of(ex, k)), np.float32(lane_of(ey, k)), np.float32(lane_of(ez, k)),
+                    lane_of(code, k), lane_of(ray.path, k), KIND_SHADOW if lane_of(finite, k) else KIND_POINT_SHADOW, lane_of(ray.bounce, k),
+                )  # fmt: skip
+                made += 1
 
     # The path goes on: straight through, off the coat, or off the diffuse body.
-    lobe = uniform(key, bounce, DIMENSION_LOBE)
-    u, v = uniform(key, bounce, DIMENSION_BSDF_U), uniform(key, bounce, DIMENSION_BSDF_V)
-    if lobe < through:
-        r, g, b = r * tint_r, g * tint_g, b * tint_b
-        fx, fy, fz = offset_origin(px, py, pz, -gx, -gy, -gz, diagonal)
-        code_u, code_v, next_pdf = rays[i, 3], rays[i, 4], PDF_DELTA
-    else:
-        if (lobe - through) < coat * (1.0 - through):
-            hx, hy, hz = sample_visible_normal(wox, woy, woz, alpha, u, v)
-            cosine = 2.0 * (wox * hx + woy * hy + woz * hz)
-            wix, wiy, wiz = cosine * hx - wox, cosine * hy - woy, cosine * hz - woz
-        else:
-            wix, wiy, wiz = sample_cosine(u, v)
-        if wiz <= 0.0:
-            return made
-        code_u, code_v = encode_direction(wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz)
-        # From here on the direction is what its code says: the density too is that of the coded direction.
-        wx, wy, wz = decode_direction(code_u, code_v)
-        if wx * gx + wy * gy + wz * gz <= 0.0:
-            return made
-        wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
-        vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0, transmission, coat)
-        pdf *= 1.0 - through
-        if not pdf > 0.0:
-            return made
-        weight = wiz / pdf
-        r, g, b = r * vr * weight, g * vg * weight, b * vb * weight
-        next_pdf = encode_pdf(pdf)
-    if not r + g + b < math.inf:
-        counters[COUNT_NOT_FINITE] += 1
-        return made
-    if bounce + 1 >= ROULETTE_FROM:
-        survive = min(max(r, max(g, b)), 0.95)
-        if uniform(key, bounce, DIMENSION_ROULETTE) >= survive:
-            return made
+    lobe = uniform(key, ray.bounce, DIMENSION_LOBE)
+    u, v = uniform(key, ray.bounce, DIMENSION_BSDF_U), uniform(key, ray.bounce, DIMENSION_BSDF_V)
+    straight = lobe < through
+    glossy = (lobe - through) < coat * (1.0 - through)
+    wix, wiy, wiz = sample_cosine(u, v)
+    if any_lane(glossy):
+        hx, hy, hz = sample_visible_normal(wox, woy, woz, alpha, u, v)
+        cosine = 2.0 * (wox * hx + woy * hy + woz * hz)
+        wix, wiy, wiz = select(glossy, cosine * hx - wox, wix), select(glossy, cosine * hy - woy, wiy), select(glossy, cosine * hz - woz, wiz)
+    above = wiz > 0.0
+    code_u, code_v = encode_direction(wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz)
+    # From here on the direction is what its code says: the density too is that of the coded direction.
+    wx, wy, wz = decode_direction(code_u, code_v)
+    wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
+    vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0, transmission, coat)
+    pdf = pdf * (1.0 - through)
+    live = live & (straight | (above & (wx * gx + wy * gy + wz * gz > 0.0) & (pdf > 0.0)))
+    weight = wiz / pdf
+    next_pdf = select(straight, np.uint64(PDF_DELTA), encode_pdf(pdf))
+    r, g, b = (
+        select(straight, r * tint_r, r * vr * weight),
+        select(straight, g * tint_g, g * vg * weight),
+        select(straight, b * tint_b, b * vb * weight),
+    )
+    if any_lane(live & straight):
+        ox, oy, oz = offset_origin(px, py, pz, -gx, -gy, -gz, diagonal)
+        fx, fy, fz = select(straight, ox, fx), select(straight, oy, fy), select(straight, oz, fz)
+        code_u, code_v = select(straight, ray.code_u, code_u), select(straight, ray.code_v, code_v)
+    finite = r + g + b < math.inf
+    lost = live & opposite(finite)
+    if any_lane(lost):
+        for k in range(LANES):
+            counters[COUNT_NOT_FINITE] += np.int64(lane_of(lost, k))
+    live = live & finite
+    gambles = real_of_word(ray.bounce) + 1.0 >= ROULETTE_FROM
+    if any_lane(gambles):
+        survive = select(gambles, min(max(r, max(g, b)), 0.95), 1.0)
+        live = live & (uniform(key, ray.bounce, DIMENSION_ROULETTE) < survive)
         r, g, b = r / survive, g / survive, b / survive
-    code = encode_color(r, g, b, key, bounce, DIMENSION_THROUGHPUT)
-    if code != np.uint64(0) and luminance(r, g, b) > 0.0:
-        write_path_ray(out, made, fx, fy, fz, code_u, code_v, next_pdf, code, path, KIND_BOUNCE, bounce + 1, 0)
-        made += 1
+    code = encode_color(r, g, b, key, ray.bounce, DIMENSION_THROUGHPUT)
+    live = live & (code != np.uint64(0)) & (luminance(r, g, b) > 0.0)
+    for k in range(LANES):
+        if lane_of(live, k):
+            write_path_ray(
+                out, made, np.float32(lane_of(fx, k)), np.float32(lane_of(fy, k)), np.float32(lane_of(fz, k)),
+                lane_of(code_u, k), lane_of(code_v, k), lane_of(next_pdf, k),
+                lane_of(code, k), lane_of(ray.path, k), KIND_BOUNCE, lane_of(ray.bounce, k) + np.uint64(1), 0,
+            )  # fmt: skip
+            made += 1
     return made
+
+
+@njit(error_model="numpy", _nrt=False)
+def _note_first_hits(first, ray, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs):  # type: ignore[no-untyped-def]
+    if not any_lane(first):
+        return
+    depth = min(depth_of(job, px, py, pz) / diagonal, 100.0)
+    for k in range(LANES):
+        if lane_of(first, k):
+            path = lane_of(ray.path, k)
+            aovs[path, 0] = np.int32(min(lane_of(base_r, k), 100.0) * AOV_UNIT + 0.5)
+            aovs[path, 1] = np.int32(min(lane_of(base_g, k), 100.0) * AOV_UNIT + 0.5)
+            aovs[path, 2] = np.int32(min(lane_of(base_b, k), 100.0) * AOV_UNIT + 0.5)
+            aovs[path, 3] = np.int32(math.floor(lane_of(sx, k) * AOV_UNIT + 0.5))
+            aovs[path, 4] = np.int32(math.floor(lane_of(sy, k) * AOV_UNIT + 0.5))
+            aovs[path, 5] = np.int32(math.floor(lane_of(sz, k) * AOV_UNIT + 0.5))
+            aovs[path, 6] = np.int32(lane_of(depth, k) * AOV_UNIT + 0.5)
+            aovs[path, 7] = np.int32(1)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
+
+from scenefold.render.lanes_kernels import in_f32, select
 
 _STEPS = 65535.0
 _OFFSET_OF_DIAGONAL = 2.0**-18
@@ -18,13 +19,13 @@ _OFFSET_OF_COORDINATE = 2.0**-20
 
 @njit(error_model="numpy", _nrt=False)
 def _slab(origin, direction, low, high, t_in, t_out):  # type: ignore[no-untyped-def]
-    if abs(direction) < 1e-30:
-        if origin < low or origin > high:
-            return 1.0, 0.0
-        return t_in, t_out
+    parallel, outside = abs(direction) < 1e-30, (origin < low) | (origin > high)
     inverse = 1.0 / direction
     t_a, t_b = (low - origin) * inverse, (high - origin) * inverse
-    return max(t_in, min(t_a, t_b)), min(t_out, max(t_a, t_b))
+    return (
+        select(parallel, select(outside, 1.0, t_in), max(t_in, min(t_a, t_b))),
+        select(parallel, select(outside, 0.0, t_out), min(t_out, max(t_a, t_b))),
+    )
 
 
 @njit(error_model="numpy", _nrt=False)
@@ -62,7 +63,7 @@ def diagonal_of_box(low, high):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy", _nrt=False)
 def offset_origin(px, py, pz, nx, ny, nz, diagonal):  # type: ignore[no-untyped-def]
-    """The f32 origin of a ray that leaves the surface point on the side into which the unit normal points.
+    """The origin, rounded to f32, of a ray that leaves the surface point on the side into which the unit normal points.
 
     It must lie so far off that rounding cannot bring it back: of the caster's differences, which grow with the
     scene (its box's diagonal), and of the point itself, in the world and in an instance's space, which grow with
@@ -70,4 +71,4 @@ def offset_origin(px, py, pz, nx, ny, nz, diagonal):  # type: ignore[no-untyped-
     thickness in a scene of millimetres, and nothing in one of kilometres.
     """
     step = diagonal * _OFFSET_OF_DIAGONAL + max(abs(px), max(abs(py), abs(pz))) * _OFFSET_OF_COORDINATE
-    return np.float32(px + nx * step), np.float32(py + ny * step), np.float32(pz + nz * step)
+    return in_f32(px + nx * step), in_f32(py + ny * step), in_f32(pz + nz * step)

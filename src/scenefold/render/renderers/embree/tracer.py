@@ -48,6 +48,7 @@ class EmbreeTracer:
         self._status = np.empty(CHUNK_RAYS, np.uint8)
         self._hit_uv = np.empty((CHUNK_RAYS, 2), np.float32)
         self._hit_ids = np.empty((CHUNK_RAYS, 3), np.uint32)
+        self._hits = np.empty(CHUNK_RAYS, np.int64)
         self._out = np.empty((3 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._owners = np.empty(3 * CHUNK_RAYS, np.int32)
         self._stack = np.empty((8 * CHUNK_RAYS, RAY_WORDS), np.uint32)
@@ -130,6 +131,7 @@ class EmbreeTracer:
             sums.radiance,
             sums.aovs,
             sums.counters,
+            self._hits,
             self._out,
         )
         return int(made)
