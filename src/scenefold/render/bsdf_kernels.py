@@ -10,7 +10,7 @@ import math
 
 from numba import njit
 
-from scenefold.render.lanes_kernels import select
+from scenefold.render.lane_values_kernels import select
 from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
 
 ALPHA_MIN = 1e-3

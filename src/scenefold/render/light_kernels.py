@@ -14,7 +14,7 @@ from numba import njit
 
 from scenefold.render.arrays import LightColumn
 from scenefold.render.bsdf_kernels import frame_of, luminance
-from scenefold.render.lanes_kernels import alike, any_lane, gather, opposite, rounded_down, select, word_of_real
+from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, rounded_down, select, word_of_real
 from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns, uniform
 from scenefold.render.space_kernels import box_span, diagonal_of_box, offset_origin
 

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
 
-from scenefold.render.lanes_kernels import as_word, bits_of, gather, real_of_bits, real_of_word, rounded_down, select, word_of_real
+from scenefold.render.lane_values_kernels import as_word, bits_of, gather, real_of_bits, real_of_word, rounded_down, select, word_of_real
 
 PI = 3.141592653589793
 INVERSE_PI = 0.3183098861837907

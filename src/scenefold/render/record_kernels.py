@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from scenefold.base.rays import KIND_POINT_SHADOW, KIND_SHADOW
-from scenefold.render.lanes_kernels import f32_of_bits, gather
+from scenefold.render.lane_values_kernels import f32_of_bits, gather
 from scenefold.render.math_kernels import f32_bits, f32_from_bits
 
 _U16 = np.uint32(0xFFFF)

@@ -17,7 +17,6 @@ from numba import njit
 from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_POINT_SHADOW, KIND_SHADOW, PDF_DELTA
 from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import (
-    ALPHA_MIN,
     coat_probability,
     evaluate,
     frame_of,
@@ -26,8 +25,7 @@ from scenefold.render.bsdf_kernels import (
     sample_visible_normal,
 )
 from scenefold.render.generate_kernels import depth_of
-from scenefold.render.lanes_kernels import (
-    LANES,
+from scenefold.render.lane_values_kernels import (
     alike,
     any_lane,
     gather,
@@ -39,6 +37,7 @@ from scenefold.render.lanes_kernels import (
     select,
     with_lane,
 )
+from scenefold.render.lanes_kernels import LANES
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_pdf
 from scenefold.render.math_kernels import (
     decode_color,
@@ -61,7 +60,7 @@ from scenefold.render.record_kernels import (
 )
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
-from scenefold.render.texture_kernels import sample_texture
+from scenefold.render.surface_kernels import material_at, surface_at
 
 STATUS_FORWARD = 0
 """Nothing hit in this cell; the ray goes on elsewhere."""
@@ -98,9 +97,8 @@ _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
     MaterialColumn.EMISSION,
 )
 _TRANSMISSION, _IOR, _DOUBLE_SIDED = MaterialColumn.TRANSMISSION, MaterialColumn.IOR, MaterialColumn.DOUBLE_SIDED
-_BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLIC_ROUGHNESS_TEXTURE
+_BASE_TEXTURE = MaterialColumn.BASE_TEXTURE
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
-_WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
 
 
 @njit(error_model="numpy", _nrt=False)
@@ -116,89 +114,6 @@ def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
     sums[path, 0] += np.int64(r * SUM_UNIT + 0.5)
     sums[path, 1] += np.int64(g * SUM_UNIT + 0.5)
     sums[path, 2] += np.int64(b * SUM_UNIT + 0.5)
-
-
-@njit(error_model="numpy", _nrt=False)
-def _blend(w, u, v, array, i0, i1, i2, column):  # type: ignore[no-untyped-def]
-    """A column of an array of vertices, between three corners."""
-    return w * gather(array, (i0, column)) + u * gather(array, (i1, column)) + v * gather(array, (i2, column))
-
-
-@njit(error_model="numpy", _nrt=False)
-def _turned(matrices, instance, x, y, z):  # type: ignore[no-untyped-def]
-    """A vector through the left 3 x 3 of each lane's matrix."""
-    return (
-        gather(matrices, (instance, 0, 0)) * x + gather(matrices, (instance, 0, 1)) * y + gather(matrices, (instance, 0, 2)) * z,
-        gather(matrices, (instance, 1, 0)) * x + gather(matrices, (instance, 1, 1)) * y + gather(matrices, (instance, 1, 2)) * z,
-        gather(matrices, (instance, 2, 0)) * x + gather(matrices, (instance, 2, 1)) * y + gather(matrices, (instance, 2, 2)) * z,
-    )
-
-
-@njit(error_model="numpy", _nrt=False)
-def _surface(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
-    """World point, geometric normal by winding, shading normal, and texture coordinates of hits."""
-    i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
-    w = 1.0 - u - v
-    p, n, t = scene.vertices, scene.normals, scene.uvs
-    x0, y0, z0 = gather(p, (i0, 0)), gather(p, (i0, 1)), gather(p, (i0, 2))
-    e1x, e1y, e1z = gather(p, (i1, 0)) - x0, gather(p, (i1, 1)) - y0, gather(p, (i1, 2)) - z0
-    e2x, e2y, e2z = gather(p, (i2, 0)) - x0, gather(p, (i2, 1)) - y0, gather(p, (i2, 2)) - z0
-    px, py, pz = x0 + u * e1x + v * e2x, y0 + u * e1y + v * e2y, z0 + u * e1z + v * e2z
-    gx, gy, gz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-    sx, sy, sz = _blend(w, u, v, n, i0, i1, i2, 0), _blend(w, u, v, n, i0, i1, i2, 1), _blend(w, u, v, n, i0, i1, i2, 2)
-    placed = instance != np.uint64(0)
-    if any_lane(placed):
-        m, k = scene.instance_matrices, scene.instance_normals
-        qx, qy, qz = _turned(m, instance, px, py, pz)
-        px, py, pz = (
-            select(placed, qx + gather(m, (instance, 0, 3)), px),
-            select(placed, qy + gather(m, (instance, 1, 3)), py),
-            select(placed, qz + gather(m, (instance, 2, 3)), pz),
-        )
-        qx, qy, qz = _turned(k, instance, gx, gy, gz)
-        gx, gy, gz = select(placed, qx, gx), select(placed, qy, gy), select(placed, qz, gz)
-        qx, qy, qz = _turned(k, instance, sx, sy, sz)
-        sx, sy, sz = select(placed, qx, sx), select(placed, qy, sy), select(placed, qz, sz)
-    scale = 1.0 / math.sqrt(max(gx * gx + gy * gy + gz * gz, 1e-60))
-    gx, gy, gz = gx * scale, gy * scale, gz * scale
-    squared = sx * sx + sy * sy + sz * sz
-    smooth = squared > 1e-12
-    scale = 1.0 / math.sqrt(select(smooth, squared, 1.0))
-    sx, sy, sz = select(smooth, sx * scale, gx), select(smooth, sy * scale, gy), select(smooth, sz * scale, gz)
-    return px, py, pz, gx, gy, gz, sx, sy, sz, _blend(w, u, v, t, i0, i1, i2, 0), _blend(w, u, v, t, i0, i1, i2, 1)
-
-
-@njit(error_model="numpy", _nrt=False)
-def _texture(scene, material, column, tu, tv):  # type: ignore[no-untyped-def]
-    """Red, green and blue of the texture that a column of the materials names; 1 where there is none.
-
-    Lane by lane: almost all that it does is to look up texels.
-    """
-    rows = scene.materials
-    named = gather(rows, (material, column))
-    r, g, b = alike(1.0, tu), alike(1.0, tu), alike(1.0, tu)
-    if any_lane(named >= 0.0):
-        for k in range(LANES):
-            texture = int(lane_of(named, k))
-            if texture >= 0:
-                row = rows[lane_of(material, k)]
-                tr, tg, tb, _ = sample_texture(
-                    scene.textures, scene.texels, scene.linear_of_srgb, texture,
-                    lane_of(tu, k), lane_of(tv, k), int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0,
-                )  # fmt: skip
-                r, g, b = with_lane(r, k, tr), with_lane(g, k, tg), with_lane(b, k, tb)
-    return r, g, b
-
-
-@njit(error_model="numpy", _nrt=False)
-def _material(scene, material, tu, tv):  # type: ignore[no-untyped-def]
-    """Base colour, metallic and roughness with their textures applied."""
-    rows = scene.materials
-    tr, tg, tb = _texture(scene, material, _BASE_TEXTURE, tu, tv)
-    r, g, b = gather(rows, (material, _BASE)) * tr, gather(rows, (material, _BASE + 1)) * tg, gather(rows, (material, _BASE + 2)) * tb
-    _, tg, tb = _texture(scene, material, _MR_TEXTURE, tu, tv)
-    roughness, metallic = gather(rows, (material, _ROUGHNESS)) * tg, gather(rows, (material, _METALLIC)) * tb
-    return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
@@ -249,10 +164,10 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     instance = gather(hit_ids, (at, 0))
     triangle = gather(scene.group_first, (gather(hit_ids, (at, 1)),)) + gather(hit_ids, (at, 2))
     u, v = gather(hit_uv, (at, 0)), gather(hit_uv, (at, 1))
-    px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = _surface(scene, triangle, instance, u, v)
+    px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = surface_at(scene, triangle, instance, u, v)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
-    base_r, base_g, base_b, metallic, alpha = _material(scene, material, tu, tv)
+    base_r, base_g, base_b, metallic, alpha = material_at(scene, material, tu, tv)
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
     front = facing > 0.0
@@ -355,7 +270,11 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     if any_lane(glossy):
         hx, hy, hz = sample_visible_normal(wox, woy, woz, alpha, u, v)
         cosine = 2.0 * (wox * hx + woy * hy + woz * hz)
-        wix, wiy, wiz = select(glossy, cosine * hx - wox, wix), select(glossy, cosine * hy - woy, wiy), select(glossy, cosine * hz - woz, wiz)
+        wix, wiy, wiz = (
+            select(glossy, cosine * hx - wox, wix),
+            select(glossy, cosine * hy - woy, wiy),
+            select(glossy, cosine * hz - woz, wiz),
+        )
     above = wiz > 0.0
     code_u, code_v = encode_direction(wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz)
     # From here on the direction is what its code says: the density too is that of the coded direction.

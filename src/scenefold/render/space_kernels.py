@@ -10,7 +10,7 @@ import math
 
 from numba import njit
 
-from scenefold.render.lanes_kernels import in_f32, select
+from scenefold.render.lane_values_kernels import in_f32, select
 
 _STEPS = 65535.0
 _OFFSET_OF_DIAGONAL = 2.0**-18

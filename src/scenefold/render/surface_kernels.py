@@ -1,0 +1,101 @@
+"""What lies at a hit: its place, normals and texture coordinates, and its material with textures applied. In lanes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from scenefold.render.arrays import MaterialColumn
+from scenefold.render.bsdf_kernels import ALPHA_MIN
+from scenefold.render.lane_values_kernels import alike, any_lane, gather, lane_of, select, with_lane
+from scenefold.render.lanes_kernels import LANES
+from scenefold.render.texture_kernels import sample_texture
+
+_BASE, _METALLIC, _ROUGHNESS = MaterialColumn.BASE, MaterialColumn.METALLIC, MaterialColumn.ROUGHNESS
+_BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLIC_ROUGHNESS_TEXTURE
+_WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
+
+
+@njit(error_model="numpy", _nrt=False)
+def _blend(w, u, v, array, i0, i1, i2, column):  # type: ignore[no-untyped-def]
+    """A column of an array of vertices, between three corners."""
+    return w * gather(array, (i0, column)) + u * gather(array, (i1, column)) + v * gather(array, (i2, column))
+
+
+@njit(error_model="numpy", _nrt=False)
+def _turned(matrices, instance, x, y, z):  # type: ignore[no-untyped-def]
+    """A vector through the left 3 x 3 of each lane's matrix."""
+    return (
+        gather(matrices, (instance, 0, 0)) * x + gather(matrices, (instance, 0, 1)) * y + gather(matrices, (instance, 0, 2)) * z,
+        gather(matrices, (instance, 1, 0)) * x + gather(matrices, (instance, 1, 1)) * y + gather(matrices, (instance, 1, 2)) * z,
+        gather(matrices, (instance, 2, 0)) * x + gather(matrices, (instance, 2, 1)) * y + gather(matrices, (instance, 2, 2)) * z,
+    )
+
+
+@njit(error_model="numpy", _nrt=False)
+def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
+    """World point, geometric normal by winding, shading normal, and texture coordinates of hits."""
+    i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
+    w = 1.0 - u - v
+    p, n, t = scene.vertices, scene.normals, scene.uvs
+    x0, y0, z0 = gather(p, (i0, 0)), gather(p, (i0, 1)), gather(p, (i0, 2))
+    e1x, e1y, e1z = gather(p, (i1, 0)) - x0, gather(p, (i1, 1)) - y0, gather(p, (i1, 2)) - z0
+    e2x, e2y, e2z = gather(p, (i2, 0)) - x0, gather(p, (i2, 1)) - y0, gather(p, (i2, 2)) - z0
+    px, py, pz = x0 + u * e1x + v * e2x, y0 + u * e1y + v * e2y, z0 + u * e1z + v * e2z
+    gx, gy, gz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
+    sx, sy, sz = _blend(w, u, v, n, i0, i1, i2, 0), _blend(w, u, v, n, i0, i1, i2, 1), _blend(w, u, v, n, i0, i1, i2, 2)
+    placed = instance != np.uint64(0)
+    if any_lane(placed):
+        m, k = scene.instance_matrices, scene.instance_normals
+        qx, qy, qz = _turned(m, instance, px, py, pz)
+        px, py, pz = (
+            select(placed, qx + gather(m, (instance, 0, 3)), px),
+            select(placed, qy + gather(m, (instance, 1, 3)), py),
+            select(placed, qz + gather(m, (instance, 2, 3)), pz),
+        )
+        qx, qy, qz = _turned(k, instance, gx, gy, gz)
+        gx, gy, gz = select(placed, qx, gx), select(placed, qy, gy), select(placed, qz, gz)
+        qx, qy, qz = _turned(k, instance, sx, sy, sz)
+        sx, sy, sz = select(placed, qx, sx), select(placed, qy, sy), select(placed, qz, sz)
+    scale = 1.0 / math.sqrt(max(gx * gx + gy * gy + gz * gz, 1e-60))
+    gx, gy, gz = gx * scale, gy * scale, gz * scale
+    squared = sx * sx + sy * sy + sz * sz
+    smooth = squared > 1e-12
+    scale = 1.0 / math.sqrt(select(smooth, squared, 1.0))
+    sx, sy, sz = select(smooth, sx * scale, gx), select(smooth, sy * scale, gy), select(smooth, sz * scale, gz)
+    return px, py, pz, gx, gy, gz, sx, sy, sz, _blend(w, u, v, t, i0, i1, i2, 0), _blend(w, u, v, t, i0, i1, i2, 1)
+
+
+@njit(error_model="numpy", _nrt=False)
+def _texture(scene, material, column, tu, tv):  # type: ignore[no-untyped-def]
+    """Red, green and blue of the texture that a column of the materials names; 1 where there is none.
+
+    Lane by lane: almost all that it does is to look up texels.
+    """
+    rows = scene.materials
+    named = gather(rows, (material, column))
+    r, g, b = alike(1.0, tu), alike(1.0, tu), alike(1.0, tu)
+    if any_lane(named >= 0.0):
+        for k in range(LANES):
+            texture = int(lane_of(named, k))
+            if texture >= 0:
+                row = rows[lane_of(material, k)]
+                tr, tg, tb, _ = sample_texture(
+                    scene.textures, scene.texels, scene.linear_of_srgb, texture,
+                    lane_of(tu, k), lane_of(tv, k), int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0,
+                )  # fmt: skip
+                r, g, b = with_lane(r, k, tr), with_lane(g, k, tg), with_lane(b, k, tb)
+    return r, g, b
+
+
+@njit(error_model="numpy", _nrt=False)
+def material_at(scene, material, tu, tv):  # type: ignore[no-untyped-def]
+    """Base colour, metallic and roughness with their textures applied."""
+    rows = scene.materials
+    tr, tg, tb = _texture(scene, material, _BASE_TEXTURE, tu, tv)
+    r, g, b = gather(rows, (material, _BASE)) * tr, gather(rows, (material, _BASE + 1)) * tg, gather(rows, (material, _BASE + 2)) * tb
+    _, tg, tb = _texture(scene, material, _MR_TEXTURE, tu, tv)
+    roughness, metallic = gather(rows, (material, _ROUGHNESS)) * tg, gather(rows, (material, _METALLIC)) * tb
+    return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)
