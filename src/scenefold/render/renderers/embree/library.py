@@ -20,6 +20,8 @@ import numpy.typing as npt
 from scenefold.base.errors import LocalFault
 
 ISA: Final = "avx2"
+ARITHMETIC: Final = 2
+"""Of our own kernels: one more whenever a change of theirs changes the bits of an image."""
 
 _GEOMETRY_TRIANGLE = 0
 _GEOMETRY_INSTANCE = 121
@@ -88,13 +90,13 @@ def _has_avx2() -> bool:
 
 @functools.cache
 def numeric_class() -> str:
-    """The class within which images are equal to the bit: Embree's version and instruction set."""
+    """The class within which images are equal to the bit: Embree's version and instruction set, and our own arithmetic."""
     library = _library()
     device = library.rtcNewDevice(f"isa={ISA},threads=1".encode())
     version = int(library.rtcGetDeviceProperty(device, _PROPERTY_VERSION))
     library.rtcReleaseDevice(device)
     kernels = metadata.version("embreex")
-    return f"embree-{version // 10000}.{version // 100 % 100}.{version % 100}-{ISA}-embreex-{kernels}"
+    return f"embree-{version // 10000}.{version // 100 % 100}.{version % 100}-{ISA}-embreex-{kernels}-kernels-{ARITHMETIC}"
 
 
 class Device:
