@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, SpaceId, address_of
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
@@ -19,7 +20,7 @@ from scenefold.client.patience import Patience, as_told, heaviest, is_passing
 from scenefold.client.seeking import Search
 from scenefold.client.split import frames
 from scenefold.client.together import together
-from scenefold.wire import PutItem, PutMany, PutManyReply
+from scenefold.wire import PutItem, PutMany, PutManyReply, PutOutcome
 
 STORED = 0
 
@@ -34,8 +35,16 @@ class Delivered(NamedTuple):
     location: Location
 
 
-async def deliver(calls: Calls, items: Mapping[int, PutItem], locations: Sequence[Location], doubt: Doubt) -> dict[int, Delivered]:
+async def deliver(
+    calls: Calls,
+    items: Mapping[int, PutItem],
+    locations: Sequence[Location],
+    doubt: Doubt,
+    needed: Mapping[SpaceId, int] = MappingProxyType({}),
+) -> dict[int, Delivered]:
     """Send every item to the owner of its location. Durable, or refused for a lasting reason. All by number; `doubt` is kept up to date.
+
+    `needed`: how many nodes a write in each space needs, as far as it is known, for whoever is told that too few are there.
 
     Unreachable if an owner stays away; Refused if one cannot accept anything for longer than a lease gap lasts; PeerFault if one
     answers with nonsense. The last two may speak of a later try than one that is in doubt: see `Doubt.no_refusal`.
@@ -55,14 +64,13 @@ async def deliver(calls: Calls, items: Mapping[int, PutItem], locations: Sequenc
         for index, outcome in zip(frame, reply.outcomes, strict=True):
             if outcome.reason == RejectReason.NOT_MY_LOCATION:
                 search.passed_on(node, index, outcome.owner)
-            elif not is_passing(outcome.reason):
+            elif not _may_pass(outcome, node):
                 outcomes[index] = Delivered(outcome.reason, node, outcome.location)
                 if outcome.reason == STORED:
                     doubt.settle(index)
             else:
-                without_lease = outcome.reason == RejectReason.NOT_READY and outcome.owner == node
-                search.was_busy(node, [index], _no_lease(address) if without_lease else _not_now(outcome.reason, address))
-                if outcome.reason == RejectReason.NOT_READY and not without_lease:
+                search.was_busy(node, [index], _why_not(outcome, node, address, needed.get(items[index].space, 0)))
+                if outcome.reason == RejectReason.NOT_READY and outcome.owner != node:
                     doubt.note([index], f"{address} was not ready to say, as when its lease ends in the midst of a write")
 
     def parts(pending: list[int]) -> list[tuple[NodeId, list[int]]]:
@@ -126,16 +134,37 @@ async def rounds(
         await calls.refresh()
 
 
-def _no_lease(address: str) -> Refused:
-    what = "has no lease: it takes no writes until the cluster's voter answers it"
-    remedy = "see that the voter runs; `scenectl cluster status` names it, and who has no lease"
+def _may_pass(outcome: PutOutcome, node: NodeId) -> bool:
+    """Whether the same may be stored later. Who names itself says that too few may hold copies at all; who names another, that it is not there."""
+    return is_passing(outcome.reason) or (outcome.reason == RejectReason.TOO_FEW_COPIES and outcome.owner != node)
+
+
+def _why_not(outcome: PutOutcome, node: NodeId, address: str, needed: int) -> Refused:
+    if outcome.reason == RejectReason.TOO_FEW_COPIES:
+        return _too_few_there(outcome.owner, address, needed)
+    if outcome.reason == RejectReason.NOT_READY and outcome.owner == node:
+        return _nothing_stored(address)
+    what = (
+        "is busy: the place is changing hands"
+        if outcome.reason == RejectReason.BUSY
+        else "is not ready: it has no lease, or does not know enough yet"
+    )
+    return Refused(RejectReason(outcome.reason), what, where=address)
+
+
+def _too_few_there(missing: NodeId, address: str, needed: int) -> Refused:
+    """Like 16 for whoever asks: it passes once nodes are back."""
+    silent = f", {address_of(missing)} among those that do not" if missing else ""
+    asked = f"; a write in this space needs {needed} nodes, or all where there are fewer" if needed else ""
+    what = f"takes no writes there: too few of the nodes that may hold copies answer{silent}{asked}"
+    remedy = "start the nodes that do not answer, or add nodes; `scenectl cluster health` tells which"
     return Refused(RejectReason.NOT_READY, what, where=address, remedy=remedy)
 
 
-def _not_now(reason: int, address: str) -> Refused:
+def _nothing_stored(address: str) -> Refused:
     what = (
-        "is busy: the place is changing hands"
-        if reason == RejectReason.BUSY
-        else "is not ready: it has no lease, or does not know enough yet"
+        "has no lease, or does not know yet what was acknowledged there, or who is to hold copies: "
+        "it takes no writes until the cluster's voter answers it, and the other nodes do"
     )
-    return Refused(RejectReason(reason), what, where=address)
+    remedy = "see that the voter runs; `scenectl cluster status` names it, and who has no lease; `scenectl cluster health` tells what is on its way"
+    return Refused(RejectReason.NOT_READY, what, where=address, remedy=remedy)

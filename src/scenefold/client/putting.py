@@ -58,7 +58,7 @@ async def _put(access: SceneAccess, wishes: Sequence[Wish], fresh: bool, doubt: 
     for attempt in range(CLIENT_TRIES_MAX):
         await access.check([wishes[index] for index in pending])
         items = dict(zip(pending, await _sealed(access, [current[index] for index in pending], edit), strict=True))
-        outcomes = await deliver(access.calls, items, routes, doubt)
+        outcomes = await deliver(access.calls, items, routes, doubt, access.identity.layouts.needed)
         behind: list[int] = []
         for index, item in items.items():
             outcome = outcomes[index]

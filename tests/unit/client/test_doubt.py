@@ -10,8 +10,8 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId
-from scenefold.base.limits import CLIENT_FRAME_RECORDS, CLIENT_FRAMES_PER_NODE
+from scenefold.base.ids import NodeId, SceneId, node_id_of
+from scenefold.base.limits import CLIENT_BUSY_TRIES_MAX, CLIENT_FRAME_RECORDS, CLIENT_FRAMES_PER_NODE
 from scenefold.base.location import FIRST
 from scenefold.base.reasons import RejectReason
 from scenefold.client.delivery import deliver
@@ -178,6 +178,42 @@ async def test_who_had_no_lease_when_the_write_came_leaves_no_doubt(autojump_clo
         await space.put_many(ITEMS)
     assert refused.value.reason is RejectReason.NOT_READY
     assert not nodes.records
+
+
+async def test_where_too_few_that_may_hold_copies_are_there_it_is_tried_on_and_said_so(
+    autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    put, missing, tries = nodes._put, node_id_of("127.0.0.9"), 0
+
+    def short(address: str, item: PutItem) -> PutOutcome:
+        nonlocal tries
+        tries += 1
+        return PutOutcome(RejectReason.TOO_FEW_COPIES, item.location, missing)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(nodes, "_put", short)
+        with pytest.raises(Refused, match=r"too few of the nodes that may hold copies answer, 127\.0\.0\.9 among") as refused:
+            await space.put(FIRST, b"mine")
+    assert refused.value.reason is RejectReason.NOT_READY, "others take it for what passes, as it was before"
+    assert "lease" not in str(refused.value)
+    assert "start the nodes that do not answer" in refused.value.remedy
+    assert tries == CLIENT_BUSY_TRIES_MAX
+    begun = iter([True, True])
+    monkeypatch.setattr(nodes, "_put", lambda address, item: short(address, item) if next(begun, False) else put(address, item))
+    await space.put(FIRST, b"mine", expect=ABSENT)
+    assert await space.get(FIRST) == b"mine"
+
+
+async def test_where_too_few_may_hold_copies_at_all_nobody_waits(autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes = FakeNodes()
+    space = _scene(nodes).space(FILES)
+    monkeypatch.setattr(nodes, "_put", lambda address, item: PutOutcome(RejectReason.TOO_FEW_COPIES, item.location, node_id_of(address)))
+    begin = trio.current_time()
+    with pytest.raises(Refused) as refused:
+        await space.put(FIRST, b"mine")
+    assert (refused.value.reason, trio.current_time() - begin) == (RejectReason.TOO_FEW_COPIES, 0.0)
 
 
 async def test_whose_lease_ends_in_the_midst_of_a_write_leaves_doubt_and_it_says_so(autojump_clock: MockClock) -> None:

@@ -21,7 +21,11 @@ TOLD_S_MAX = 2.0
 
 
 class NotKept(NamedTuple):
-    """A record that cannot be acknowledged, or an answer that cannot be given, now. `node`: this node if nothing was stored, else one that lacks it (0: nobody knows)."""
+    """A record that cannot be acknowledged, or an answer that cannot be given, now.
+
+    `node`: this node if nothing was stored, else one that lacks it (0: nobody knows). With TOO_FEW_COPIES nothing was stored: this node if too
+    few nodes may hold copies, else one that may and is not there.
+    """
 
     reason: RejectReason
     node: NodeId

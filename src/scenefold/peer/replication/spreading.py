@@ -218,7 +218,8 @@ class Spreading:
             return pending
         missing = [target.node for target in rule.targets if not self._judging.is_alive(target.node)]
         self._say("too few", f"writes are refused, since too few of who holds copies are there; {_names(missing)}")
-        return NotKept(RejectReason.NOT_READY, self._parts.own.me)
+        # Not our own id: nothing was stored, but this may pass, unlike a want of nodes that may hold copies at all.
+        return NotKept(RejectReason.TOO_FEW_COPIES, missing[0] if missing else NodeId(0))
 
     # ------------------------------------------------------------------------------------------- once it is stored
 
