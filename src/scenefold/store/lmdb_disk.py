@@ -5,6 +5,8 @@ One folder is one LMDB environment with a named table for each of ours. Every co
 is closed and opened again with a larger map, and the change runs anew. Opening again, rather than resizing in place,
 leaves a way back if the larger map cannot be had.
 
+A new file is made beside, and gets its name when it is whole: so an empty file of that name is never a store's beginning.
+
 Before a commit the file is lengthened by what the commit may write at most, and some way ahead (`preallocation.py`).
 """
 
@@ -30,6 +32,8 @@ from scenefold.world.ports import DiskFailed, DiskFull, DiskSpace, ReadTransacti
 T = TypeVar("T")
 
 DATA_NAME = "data.mdb"
+NEW_NAME = "data.new"
+"""As long as a folder's first file is being made. Nothing is in it, and a crash leaves it to the next start."""
 MAP_BYTES_FIRST = 64 * 1024 * 1024
 MAP_BYTES_MAX = 1 << 46
 CUT_BYTES_MAX = 1 << 20
@@ -67,6 +71,7 @@ class LmdbEnvironment:
         self._map_bytes = max(map_bytes, 2 * (_file_bytes(folder) - ahead_bytes_max))
         self._failed: str | None = None
         try:
+            _make(folder)
             self._open()
         except lmdb.Error as error:
             raise opening_fault(error, folder) from error
@@ -201,6 +206,33 @@ def _file_bytes(folder: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
+def _make(folder: Path) -> None:
+    """The first file of a folder, whole and durable, or none."""
+    path, new = folder / DATA_NAME, folder / NEW_NAME
+    if path.exists():
+        check_begun(path)
+        return
+    new.unlink(missing_ok=True)
+    try:
+        with lmdb.open(str(new), subdir=False, lock=False, mode=0o600) as env:
+            env.sync(True)
+        new.rename(path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def check_begun(path: Path) -> None:
+    """LocalFault if the file is empty. LMDB would take that for a new store, and everything that was in it would be gone in silence."""
+    if not path.stat().st_size:
+        raise _no_store(path.parent)
+
+
 def check_length(env: lmdb.Environment, folder: Path) -> None:
     """LocalFault if the file has been cut off. Whoever read a page behind its end would be ended by the kernel."""
     told = (int(env.info()["last_pgno"]) + 1) * int(env.stat()["psize"])
@@ -216,5 +248,9 @@ def opening_fault(error: lmdb.Error, folder: Path) -> LocalFault:
         remedy = "give this user write permission, or choose another folder"
         return LocalFault("the data folder cannot be written", where=str(folder), remedy=remedy)
     if isinstance(error, lmdb.InvalidError | lmdb.CorruptedError | lmdb.VersionMismatchError):
-        return LocalFault(f"{DATA_NAME} there is damaged, or no store", where=str(folder), remedy=WIPE)
+        return _no_store(folder)
     return LocalFault(f"the store cannot be opened: {error}", where=str(folder), remedy="choose another folder")
+
+
+def _no_store(folder: Path) -> LocalFault:
+    return LocalFault(f"{DATA_NAME} there is damaged, or no store", where=str(folder), remedy=WIPE)

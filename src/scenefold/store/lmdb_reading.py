@@ -13,7 +13,7 @@ import lmdb
 
 from scenefold.base.errors import LocalFault
 from scenefold.store.folder import FolderLock
-from scenefold.store.lmdb_disk import DATA_NAME, opening_fault
+from scenefold.store.lmdb_disk import DATA_NAME, check_begun, opening_fault
 from scenefold.store.lmdb_pages import check_pages
 from scenefold.store.lmdb_transaction import LmdbTransaction
 from scenefold.store.sealing import damaged
@@ -27,6 +27,7 @@ def looked_at(folder: Path, tables: Sequence[str]) -> Iterator[ReadTransaction]:
         raise LocalFault("there is no store", where=str(folder), remedy="give the folder that the node is run with (`--data`)")
     lock = FolderLock(folder, only_read=True)
     try:
+        check_begun(folder / DATA_NAME)
         check_pages(folder / DATA_NAME)
         with _opened(folder, len(tables)) as env, env.begin(buffers=True) as transaction:
             known = {name: found for name in tables if (found := _table(env, transaction, name)) is not None}

@@ -18,6 +18,7 @@ from scenefold.store import LmdbDisk, StoreIdentity, open_store
 from scenefold.store.folder import LOCK_NAME
 from scenefold.store.identity import FORMAT_VERSION
 from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS, TABLES
+from scenefold.store.lmdb_disk import DATA_NAME, NEW_NAME
 from scenefold.store.sealing import sealed
 from scenefold.world import WriteTransaction
 from unit.store.samples import NODE, put, whole_store, world
@@ -126,6 +127,31 @@ async def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
 async def test_data_that_is_no_store(tmp_path: Path) -> None:
     (tmp_path / "data.mdb").write_bytes(b"a picture, perhaps" * 1000)
     assert "damaged, or no store" in await fault(tmp_path, "wipe the folder")
+
+
+async def test_data_that_is_empty_is_not_begun_anew(tmp_path: Path) -> None:
+    await identity_of(tmp_path)
+    os.truncate(tmp_path / DATA_NAME, 0)
+    assert "damaged, or no store" in await fault(tmp_path, "wipe the folder")
+    assert not (tmp_path / DATA_NAME).stat().st_size
+
+
+@pytest.mark.parametrize("left", [b"", b"half of a page"])
+async def test_a_crash_while_the_folder_is_made_leaves_one_that_starts(tmp_path: Path, left: bytes) -> None:
+    (tmp_path / NEW_NAME).write_bytes(left)
+    assert (await identity_of(tmp_path)).boot == 1
+    assert {path.name for path in tmp_path.iterdir()} == {DATA_NAME, "lock.mdb", LOCK_NAME}
+
+
+async def test_the_first_file_has_its_name_once_it_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def crash(path: Path, _target: Path) -> Path:
+        assert path.stat().st_size and not (tmp_path / DATA_NAME).exists()
+        raise OSError(5, "no more power")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "rename", crash)
+        assert "cannot be opened" in await fault(tmp_path, "see to the disk")
+    assert (await identity_of(tmp_path)).boot == 1
 
 
 @contextmanager

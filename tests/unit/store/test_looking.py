@@ -81,7 +81,7 @@ async def test_a_disk_that_is_read_only_can_be_looked_at() -> None:
         assert not (folder / LOCK_NAME).exists()
 
 
-@pytest.mark.parametrize("what", ["nothing", "a file", "an empty folder", "a picture", "another store"])
+@pytest.mark.parametrize("what", ["nothing", "a file", "an empty folder", "a picture", "an empty file", "another store"])
 async def test_where_no_store_is(tmp_path: Path, what: str) -> None:
     folder = tmp_path / "there"
     if what == "a file":
@@ -90,6 +90,8 @@ async def test_where_no_store_is(tmp_path: Path, what: str) -> None:
         folder.mkdir()
     if what == "a picture":
         (folder / DATA_NAME).write_bytes(b"a picture, perhaps" * 1000)
+    if what == "an empty file":
+        (folder / DATA_NAME).write_bytes(b"")
     if what == "another store":
         LmdbDisk().open(folder, ["of somebody else"]).close()
     with pytest.raises(LocalFault, match="no store") as fault, looked_at(folder, TABLES):
