@@ -342,7 +342,7 @@ def test_the_same_again_after_a_crash_is_acknowledged_once_enough_have_it(monkey
         assert not row.owner.living.parts.unsettled.is_read
         other = record_at(doubtful.header.location, 1)
         (refused,) = await row.put(other)
-        assert refused.reason == RejectReason.NOT_READY, "that something newer is there must not be known"
+        assert refused.reason == RejectReason.TOO_FEW_COPIES, "that something newer is there must not be known"
         row.mend(1)
         await _offered_until_acknowledged(row, doubtful)
         assert row.copies_of(doubtful) == 2
