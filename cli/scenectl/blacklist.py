@@ -87,8 +87,8 @@ def _order(
         what = f"{max(len(add), len(remove))} entries, where a blacklist has {BLACKLIST_MAX} at most"
         raise UsageFault(what, where="scenectl node blacklist", remedy="name a prefix in place of many addresses")
     if not dry_run:
-        found, _ = _ask(address, output, add=add, remove=remove)
-        _show(address, found, output)
+        found, others = _ask(address, output, add=add, remove=remove)
+        _show_changed(address, found, others, output)
         return
     from scenefold.peer.membership.blacklist import ordered
 
@@ -136,22 +136,45 @@ def _show(address: str, found: Blacklist, output: ProfileOutput) -> None:
     emit(output, {"address": address, "version": found.version, "blacklist": listed}, f"Node {address}: {words}.")
 
 
+def _show_changed(address: str, found: Blacklist, others: Sequence[str], output: ProfileOutput) -> None:
+    """What stands there now, and what comes of it. `others`: all nodes but the one whose it is."""
+    forbidden, allowed = _sorted(address, found, others)
+    listed = list(map(str, found.prefixes))
+    document = {"address": address, "version": found.version, "blacklist": listed, "forbidden": forbidden, "allowed": allowed}
+    words = f"no copies of its data on {', '.join(listed)}" if listed else "every other node may hold copies of its data"
+    lines = [f"Node {address}: {words}."]
+    if forbidden:
+        lines.append(
+            f"{_so_many(allowed, 'There can')}: where a space needs more before a write counts, writes to what it owns are refused; "
+            "where one has more, copies that nobody else may hold are missing. `scenectl cluster health` tells which."
+        )
+    emit(output, document, "\n".join(lines))
+
+
 def _show_plan(address: str, planned: Blacklist, others: Sequence[str], output: ProfileOutput) -> None:
     """`planned`: the blacklist as it would be; `others`: all nodes but the one whose it is."""
-    from scenefold.base.ids import node_id_of
-    from scenefold.base.prefixes import forbids
-
-    owner = node_id_of(address)
-    forbidden = [other for other in others if forbids(planned.prefixes, node_id_of(other), owner=owner)]
-    allowed = [other for other in others if other not in forbidden]
+    forbidden, allowed = _sorted(address, planned, others)
     listed = list(map(str, planned.prefixes))
     document = {"address": address, "dry_run": True, "blacklist": listed, "forbidden": forbidden, "allowed": allowed}
-    number = len(allowed) + 1
     lines = [
         f"Node {address} would have on its blacklist: {', '.join(listed) or 'nothing'}.",
         f"Copies of its data could lie on {', '.join(allowed) or 'no other node'}"
         + (f", and not on {', '.join(forbidden)}." if forbidden else "."),
-        f"So there could be {number} {'copies' if number > 1 else 'copy'} of each record at most, its own among them: "
-        "where a space needs more before a write counts, writes to what it owns would be refused.",
+        f"{_so_many(allowed, 'So there could')}: where a space needs more before a write counts, writes to what it owns would be refused.",
     ]
     emit(output, document, "\n".join(lines))
+
+
+def _sorted(address: str, blacklist: Blacklist, others: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Of the others: who may hold no copies of what the node owns, and who may."""
+    from scenefold.base.ids import node_id_of
+    from scenefold.base.prefixes import forbids
+
+    owner = node_id_of(address)
+    forbidden = [other for other in others if forbids(blacklist.prefixes, node_id_of(other), owner=owner)]
+    return forbidden, [other for other in others if other not in forbidden]
+
+
+def _so_many(allowed: Sequence[str], there: str) -> str:
+    number = len(allowed) + 1
+    return f"{there} be {number} {'copies' if number > 1 else 'copy'} of each record at most, its own among them"

@@ -167,8 +167,13 @@ def test_a_blacklist_is_changed_while_its_node_runs_and_everybody_hears_of_it(pr
     number = len(allowed) + 1
     assert f"So there could be {number} {'copies' if number > 1 else 'copy'} of each record at most" in text
     added = blacklist("add", "10.1.2.0/24", other, "--node", owner)
-    assert added == {"address": owner, "version": before["version"] + 1, "blacklist": ["10.1.2.0/24", other]}
-    assert blacklist("add", other, "--node", owner) == added == blacklist("list", owner)
+    left = {"forbidden": [other], "allowed": allowed}
+    listed = {"address": owner, "version": before["version"] + 1, "blacklist": ["10.1.2.0/24", other]}
+    assert added == {**listed, **left}
+    assert blacklist("add", other, "--node", owner) == added
+    assert blacklist("list", owner) == listed
+    text = scenectl("node", "blacklist", "add", other, "--node", owner, profile=profile).out.decode()
+    assert f"there can be {number} {'copies' if number > 1 else 'copy'} of each record at most" in text.lower()
     (shown,) = [node for node in scenectl("cluster", "status", "--json", profile=profile).json["nodes"] if node["address"] == owner]
     assert (shown["blacklist"], shown["blacklist_version"]) == (added["blacklist"], added["version"])
     text = scenectl("cluster", "status", profile=profile).out.decode()
