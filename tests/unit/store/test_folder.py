@@ -38,6 +38,10 @@ async def fault(folder: Path, remedy: str = "", node: int = NODE) -> str:
     return caught.value.what
 
 
+def names_in(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
 async def test_the_incarnation_stays_and_the_boot_counter_rises(tmp_path: Path) -> None:
     first, second = await identity_of(tmp_path / "a"), await identity_of(tmp_path / "a")
     other = await identity_of(tmp_path / "b")
@@ -140,7 +144,7 @@ async def test_data_that_is_empty_is_not_begun_anew(tmp_path: Path) -> None:
 async def test_a_crash_while_the_folder_is_made_leaves_one_that_starts(tmp_path: Path, left: bytes) -> None:
     (tmp_path / NEW_NAME).write_bytes(left)
     assert (await identity_of(tmp_path)).boot == 1
-    assert {path.name for path in tmp_path.iterdir()} == {DATA_NAME, "lock.mdb", LOCK_NAME}
+    assert names_in(tmp_path) == {DATA_NAME, "lock.mdb", LOCK_NAME}
 
 
 async def test_the_first_file_has_its_name_once_it_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
