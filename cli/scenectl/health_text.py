@@ -69,6 +69,8 @@ def _time_text(seconds: float | None) -> str:
 
 
 def _row(node: NodeState) -> tuple[object, ...]:
+    from scenefold.client.cluster_health import pending_of
+
     report = node.report
     copies = None if report is None else report.copies
     if report is None or copies is None:
@@ -80,7 +82,7 @@ def _row(node: NodeState) -> tuple[object, ...]:
         copies.under_copied.records,
         copies.mis_placed.records + copies.forbidden.records,
         copies.rotten,
-        copies.owed - copies.owed_to_silent + copies.unsettled + copies.comparing.records + report.strays,
+        f"{pending_of(report)} or more" if report.strays_more else pending_of(report),
         copies.unrecovered,
         UNKNOWN if report.scrub is None else f"{report.scrub.fraction:.0%}",
     )

@@ -12,7 +12,8 @@ from typing import Any
 
 from scenefold.client.copy_reports import CopiesReport
 from scenefold.client.health import ClusterStatus, NodeState, shortages
-from scenefold.client.reports import ScrubReport
+from scenefold.client.own_warnings import strays_text
+from scenefold.client.reports import NodeReport, ScrubReport
 from scenefold.client.shortages import Shortage
 
 
@@ -84,9 +85,8 @@ class ClusterHealth:
 
     @property
     def pending(self) -> int:
-        """Records on their way: owed to nodes that answer, not settled yet, being compared, or being brought home."""
-        strays = sum(node.report.strays for node in self.status.nodes if node.report is not None)
-        return strays + sum(copies.owed - copies.owed_to_silent + copies.unsettled + copies.comparing.records for copies in self.reports)
+        """Records still to come: owed to nodes, also to those that do not answer, not settled yet, being compared, or being brought home."""
+        return sum(pending_of(node.report) for node in self.status.nodes if node.report is not None)
 
     @property
     def unrecovered(self) -> int:
@@ -128,9 +128,15 @@ class ClusterHealth:
         }
 
 
+def pending_of(report: NodeReport) -> int:
+    """Of what a node owns, or holds in vain, how many copies and records are still to come to where they belong."""
+    copies = report.copies
+    return report.strays + (0 if copies is None else copies.owed + copies.unsettled + copies.comparing.records)
+
+
 def health_of(status: ClusterStatus) -> ClusterHealth:
     """Everything that is wrong, what degrades first."""
-    silent = [node.address for node in status.nodes if not node.alive]
+    silent, members = [node.address for node in status.nodes if not node.alive], frozenset(node.address for node in status.nodes)
     found = [
         Ailment(warning.kind, warning.address, warning.text, _TO_DO.get(warning.kind, ""), mends_itself=warning.kind in _MENDS_ITSELF)
         for warning in status.warnings
@@ -139,7 +145,7 @@ def health_of(status: ClusterStatus) -> ClusterHealth:
     ]
     found += [Ailment(_TOO_FEW, few.address, few.text, few.to_do) for few in shortages(status.nodes)]
     for node in status.nodes:
-        found += [_held_up(ailment, node) for ailment in _of_node(node, silent)]
+        found += [_held_up(ailment, node) for ailment in _of_node(node, silent, members)]
     return ClusterHealth(status, tuple(sorted(found, key=lambda ailment: not ailment.degrades)))
 
 
@@ -167,7 +173,7 @@ def _held_up(ailment: Ailment, node: NodeState) -> Ailment:
     return replace(ailment, to_do=f"repair is paused there: scenectl node upkeep resume {node.address}", mends_itself=False)
 
 
-def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
+def _of_node(node: NodeState, silent: list[str], members: frozenset[str]) -> Iterable[Ailment]:
     address = node.address
     if node.report is None:
         return
@@ -184,8 +190,7 @@ def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
         to_do = "see above" if copies.shortages else waits if silent else _WAIT
         yield Ailment("under-copied", address, text, to_do, mends_itself=not silent and not copies.shortages)
     elif copies.owed_to_silent:
-        text = f"{address}: {copies.owed_to_silent:,} records are still to come to {_some(copies.silent)}, which it does not hear"
-        yield Ailment("owed", address, text, f"start {_some(copies.silent)}, or see what is between them", mends_itself=False)
+        yield _owed(address, copies, members)
     if copies.forbidden.records:
         text = (
             f"{address}: copies of {copies.forbidden.records:,} records lie on {_some(copies.forbidden_on)}, where its blacklist forbids it"
@@ -218,9 +223,20 @@ def _of_node(node: NodeState, silent: list[str]) -> Iterable[Ailment]:
     yield from _on_their_way(node, copies)
 
 
+def _owed(address: str, copies: CopiesReport, members: frozenset[str]) -> Ailment:
+    """What is to come to nodes that do not answer. To those that were removed nothing comes any more: nobody has to start them."""
+    text = f"{address}: {copies.owed_to_silent:,} records are still to come to {_some(copies.silent)}, which it does not hear"
+    left = [silent for silent in copies.silent if silent in members]
+    if left or not copies.silent:
+        return Ailment("owed", address, text, f"start {_some(left) or 'the nodes that are silent'}, or see what is between them")
+    what = "was removed" if len(copies.silent) == 1 else "were removed"
+    to_do = f"wait: what {_some(copies.silent)}, which {what}, was to get is owed no longer once others hold its copies"
+    return Ailment("owed", address, text, to_do, degrades=False, mends_itself=True)
+
+
 def _on_their_way(node: NodeState, copies: CopiesReport) -> Iterable[Ailment]:
     """What costs no copy, and ends by itself."""
-    address, strays = node.address, 0 if node.report is None else node.report.strays
+    address = node.address
 
     def mending(kind: str, text: str) -> Ailment:
         return Ailment(kind, address, f"{address}: {text}", "wait", degrades=False, mends_itself=True)
@@ -237,8 +253,8 @@ def _on_their_way(node: NodeState, copies: CopiesReport) -> Iterable[Ailment]:
         yield mending("pending", f"{copies.owed - copies.owed_to_silent:,} copies are on their way")
     if copies.unsettled:
         yield mending("unsettled", f"{copies.unsettled:,} records wait until enough nodes have them")
-    if strays:
-        yield mending("strays", f"{strays:,} records that belong elsewhere are being brought home")
+    if node.report is not None and node.report.strays:
+        yield mending("strays", f"{strays_text(node.report)} records that belong elsewhere are being brought home")
 
 
 def _is_explained(copies: CopiesReport) -> bool:
@@ -260,9 +276,10 @@ def _node_document(node: NodeState) -> dict[str, Any]:
     copies = None if report is None or report.copies is None else report.copies.document()
     known = {"address": node.address, "alive": node.alive, "share": node.share, "copies": copies}
     if report is None:
-        return {**known, "paused": None, "damaged": None, "strays": None, "kept_apart": None, "scrub": None}
+        return {**known, "paused": None, "damaged": None, "strays": None, "strays_more": None, "kept_apart": None, "scrub": None}
     apart, known["paused"] = report.kept_apart.document(), list(report.paused)
-    return {**known, "damaged": report.damaged, "strays": report.strays, "kept_apart": apart, "scrub": _scrub_document(report.scrub)}
+    strays = {"strays": report.strays, "strays_more": report.strays_more}
+    return {**known, "damaged": report.damaged, **strays, "kept_apart": apart, "scrub": _scrub_document(report.scrub)}
 
 
 def _scrub_document(scrub: ScrubReport | None) -> dict[str, Any] | None:

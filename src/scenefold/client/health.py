@@ -82,6 +82,7 @@ class NodeState:
             "log_position": None if report is None else report.log_position,
             "handovers": None if report is None else [handover_document(handover) for handover in report.handovers],
             "strays": None if report is None else report.strays,
+            "strays_more": None if report is None else report.strays_more,
             "rays_per_second": None if report is None else report.rays_per_second,
             "connections_turned_away": None if report is None else report.turned_away,
             "datagrams_dropped": None if report is None else report.dropped,
@@ -172,9 +173,10 @@ def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
     return ClusterStatus(name, asked, tuple(nodes), tuple(warnings))
 
 
-def shortages(nodes: Iterable[NodeState]) -> list[Shortage]:
+def shortages(nodes: Sequence[NodeState]) -> list[Shortage]:
     """Where fewer copies can be than there shall be."""
-    return shortages_of((node.address, node.report.copies) for node in nodes if node.report is not None and node.report.copies is not None)
+    told = [(node.address, node.report.copies) for node in nodes if node.report is not None and node.report.copies is not None]
+    return shortages_of(told, sum(node.report is None and node.incarnation == NEVER_CAME for node in nodes))
 
 
 def _trimmed(node: NodeState, nodes: Sequence[NodeState]) -> NodeState:

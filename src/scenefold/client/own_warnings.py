@@ -41,9 +41,8 @@ def own_warnings(address: str, report: NodeReport, newest: int) -> Iterable[Conc
     for handover in report.handovers:
         yield from _of_handover(address, handover)
     if report.strays:
-        yield Concern(
-            "strays", f"{address} holds {report.strays} records that belong elsewhere: they are being brought home", False, address
-        )
+        text = f"{address} holds {strays_text(report)} records that belong elsewhere: they are being brought home"
+        yield Concern("strays", text, False, address)
     if report.damaged:
         yield Concern("damaged", f"{address} has met {report.damaged} damaged records since its start: check its disk", True, address)
     if report.fill >= NEARLY_FULL:
@@ -56,6 +55,11 @@ def own_warnings(address: str, report: NodeReport, newest: int) -> Iterable[Conc
         if sign.kind in _SIGNS and sign.ago_s < RECENT_S:
             when = f"{sign.count} times, last {sign.ago_s:.0f} s ago by {sign.source}"
             yield Concern(sign.kind, _SIGNS[sign.kind].format(node=address, when=when), False, address)
+
+
+def strays_text(report: NodeReport) -> str:
+    """How many records lie elsewhere than they belong, as far as the node has counted."""
+    return f"{report.strays:,} or more" if report.strays_more else f"{report.strays:,}"
 
 
 _SIGNS = {

@@ -59,6 +59,7 @@ class Proving:
         self._progress = progress
         self._total = total
         self._suspects: list[tuple[int, Key]] = []
+        self._told = 0
         self._proof = Proof() if proof is None else proof
         self._proof.scenes = tuple(scene.name for scene in scenes)
 
@@ -132,7 +133,9 @@ class Proving:
         self._tell()
 
     def _tell(self) -> None:
-        proof, done = self._proof, self._proof.records + len(self._suspects)
+        proof = self._proof
+        # What is looked at again was looked at, and so was what has gone since: never less than was told before.
+        self._told = done = max(self._told, proof.records + len(self._suspects))
         # That these are all is known at the end alone: what seems off is looked at again, and there may be more than nodes have counted.
         total = done if proof.ended else self._total if self._total is None or self._total > done else None
         self._progress(ProgressState("prove", done, total, f"records, {proof.bytes / 2**20:.1f} MiB read"))

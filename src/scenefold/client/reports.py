@@ -109,6 +109,8 @@ class NodeReport:
     """Places beside its arc that nobody owns, as far as it has found out."""
     handovers: tuple[HandoverReport, ...]
     strays: int
+    strays_more: bool
+    """It has counted no further: there may be more."""
     damaged: int
     records: int
     bytes: int
@@ -196,6 +198,7 @@ def read_report(packed: bytes, address: str) -> NodeReport:
             gap=_arc(found["gap"]),
             handovers=tuple(map(_handover, found["handovers"])),
             strays=told_count(found["strays"]),
+            strays_more=bool(found.get("strays_more", False)),
             damaged=told_count(found["damaged"]),
             records=told_count(found["records"]),
             bytes=told_count(found["bytes"]),

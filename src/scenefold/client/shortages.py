@@ -17,6 +17,8 @@ class Shortage:
 
     address: str
     told: ShortageReport
+    awaited: int = 0
+    """Nodes of the cluster that never came."""
 
     @property
     def forbids_writes(self) -> bool:
@@ -30,13 +32,16 @@ class Shortage:
     @property
     def text(self) -> str:
         told, possible = self.told, self.told.possible
-        writes = f", and writes, which need {told.needed}, are refused" if self.forbids_writes else ""
+        # Spaces of other layouts may need more, or less: it is so of each of them.
+        writes = f", and writes are refused in spaces that need more than {possible}" if self.forbids_writes else ""
         if self.address:
             return (
                 f"only {possible} of {told.copies} copies of what {self.address} owns can be there: "
                 f"the blacklist of {told.blacklist_of} forbids other nodes{writes}"
             )
         nodes = "the cluster has one node" if possible == 1 else f"the cluster has {possible} nodes"
+        if self.awaited:
+            nodes += f" that {'has' if possible == 1 else 'have'} come, and waits for {self.awaited} more"
         lost = ", and what lies on its disk is lost with it" if possible == 1 and not writes else ""
         return f"only {possible} of {told.copies} copies of each record can be there: {nodes}{writes}{lost}"
 
@@ -47,15 +52,16 @@ class Shortage:
         if self.forbids_writes:
             return "start the other members, or see what keeps them from coming: scenectl cluster status"
         nodes = "a node" if self.missing == 1 else f"{self.missing} nodes"
-        return f"add {nodes}, and the copies are made: scenectl cluster invite --node"
+        wait = "start those that have not come yet, or " if self.awaited else ""
+        return f"{wait}add {nodes}, and the copies are made: scenectl cluster invite --node"
 
 
-def shortages_of(told: Iterable[tuple[str, CopiesReport]]) -> list[Shortage]:
-    """By address of the nodes that say so: what is so everywhere first, and of each the worst alone."""
+def shortages_of(told: Iterable[tuple[str, CopiesReport]], awaited: int = 0) -> list[Shortage]:
+    """By address of the nodes that say so: what is so everywhere first, and of each the worst alone. `awaited`: nodes that never came."""
     few: list[Shortage] = []
     forbidden: list[Shortage] = []
     for address, copies in told:
-        few += [Shortage("", shortage) for shortage in copies.shortages if shortage.blacklist_of is None]
+        few += [Shortage("", shortage, awaited) for shortage in copies.shortages if shortage.blacklist_of is None]
         forbidden += _worst(Shortage(address, shortage) for shortage in copies.shortages if shortage.blacklist_of is not None)
     return [*_worst(few), *forbidden]
 

@@ -81,6 +81,7 @@ class Moment:
     capacity_bytes: int
     memory_fraction: float
     strays: int
+    strays_more: bool
     damaged: int
     rays_per_second: int
     events: Mapping[str, int]
@@ -112,6 +113,7 @@ def report_of(moment: Moment, registry: Registry, roster: Roster, memory: Memory
         "gap": _arc_document(moment.gap),
         "handovers": [_handover_document(side, handover, moment, memory, registry) for side, handover in moment.handovers],
         "strays": moment.strays,
+        "strays_more": moment.strays_more,
         "damaged": moment.damaged,
         "records": moment.statistics.records,
         "bytes": moment.statistics.bytes,
@@ -225,6 +227,7 @@ class Reporting:
             capacity_bytes=capacity_of(statistics, context.settings.capacity_bytes),
             memory_fraction=load.memory_used_bytes / load.memory_total_bytes if load.memory_total_bytes else 0.0,
             strays=len(strays.entries),
+            strays_more=strays.cursor is not None,
             damaged=context.store.damaged,
             rays_per_second=load.rays_per_second,
             events={

@@ -46,6 +46,14 @@ def test_a_silent_node_has_its_line_and_the_time_is_not_known() -> None:
     assert f"{ADDRESSES[2]} does not answer" in text and "-> start it" in text
 
 
+def test_what_is_owed_to_the_silent_stands_in_the_column_of_what_is_pending() -> None:
+    owed = {"owed": {"records": 46, "records_to_silent": 46, "nodes": [{"address": ADDRESSES[1], "records": 46, "alive": False}]}}
+    row = next(line for line in health_text(health(*nodes(copies(**owed)))).splitlines() if line.startswith(ADDRESSES[0]))
+    assert row.split()[6] == "46"
+    row = next(line for line in health_text(health(*nodes(strays=1_000, strays_more=True))).splitlines() if line.startswith(ADDRESSES[0]))
+    assert "1000 or more" in row
+
+
 def test_where_only_nodes_are_missing_the_first_line_says_so() -> None:
     text = health_text(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**FEW))))
     assert text.splitlines()[0] == "studio: degraded, 1 of 3 copies: 120 records, 100 of them in spaces with copies; nothing else is wrong"

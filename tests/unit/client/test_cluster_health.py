@@ -10,7 +10,7 @@ import pytest
 
 from scenefold.base.errors import PeerFault
 from scenefold.client.cluster_health import ClusterHealth, Condition, health_of
-from scenefold.client.health import NodeState
+from scenefold.client.health import NEVER_CAME, NodeState
 from unit.client.test_health import ADDRESSES, arc, missing, node, report, status_of
 
 SOUND: dict[str, Any] = {
@@ -69,7 +69,7 @@ def test_a_silent_node_degrades_and_nobody_knows_for_how_long() -> None:
     assert kinds(found) == ["missing", "under-copied"]
     assert f"start {ADDRESSES[2]}" in found.ailments[1].to_do
     assert found.document()["nodes"][2] == {
-        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "paused": None, "damaged": None, "strays": None,
+        "address": ADDRESSES[2], "alive": False, "share": 0.5, "copies": None, "paused": None, "damaged": None, "strays": None, "strays_more": None,
         "kept_apart": None, "scrub": None,
     }  # fmt: skip
 
@@ -109,15 +109,51 @@ def test_who_had_no_room_for_copies_is_told() -> None:
 def test_strays_are_pending() -> None:
     found = health(*nodes(strays=3))
     assert (found.condition, kinds(found), found.pending) == (Condition.MENDING, ["strays"], 3)
+    assert "3 records that belong elsewhere" in found.ailments[0].text
+
+
+def test_strays_that_were_not_all_counted_are_so_many_or_more() -> None:
+    found = health(*nodes(strays=1_000, strays_more=True))
+    assert "1,000 or more records that belong elsewhere" in found.ailments[0].text
+    assert "holds 1,000 or more records" in next(warning.text for warning in found.status.warnings if warning.kind == "strays")
+    assert [(one["strays"], one["strays_more"]) for one in found.document()["nodes"]][:2] == [(1_000, True), (0, False)]
+
+
+def owed_to(address: str) -> dict[str, Any]:
+    return copies(owed={"records": 9, "records_to_silent": 4, "nodes": [{"address": address, "records": 4, "alive": False}]})
+
+
+def test_what_is_owed_to_the_silent_is_pending_too() -> None:
+    first, second, _ = nodes(owed_to(ADDRESSES[2]))
+    found = health(first, second, missing(ADDRESSES[2], arc(0.5, 1)))
+    (owed,) = [ailment for ailment in found.ailments if ailment.kind == "owed"]
+    assert (found.pending, owed.degrades, owed.mends_itself) == (9, True, False)
+    assert owed.to_do.startswith(f"start {ADDRESSES[2]}, ")
+
+
+def test_nobody_is_told_to_start_a_node_that_was_removed() -> None:
+    found = health(*nodes(owed_to("127.0.0.99")))
+    (owed,) = [ailment for ailment in found.ailments if ailment.kind == "owed"]
+    assert (found.condition, found.pending, owed.degrades, owed.mends_itself) == (Condition.MENDING, 9, False, True)
+    assert "start" not in owed.to_do and "127.0.0.99, which was removed" in owed.to_do
+
+
+def test_founders_that_never_came_are_told_of_and_not_counted_as_if_there_were_none() -> None:
+    refusing = {"shortages": [{"copies": 3, "needed": needed, "possible": 1, "blacklist_of": None} for needed in (4, 2)]}
+    founders = [NodeState(address, NEVER_CAME, False, None, None, None, "no connection") for address in ADDRESSES[1:]]
+    found = health(node(ADDRESSES[0], arc(0, 1), copies=copies(**refusing)), *founders)
+    (few,) = [ailment for ailment in found.ailments if ailment.kind == "too few nodes"]
+    assert "the cluster has one node that has come, and waits for 2 more" in few.text
+    assert "writes are refused in spaces that need more than 1" in few.text, "whatever the others need"
 
 
 @pytest.mark.parametrize(
     ("change", "kind", "word"),
     [
-        ({"owed": {"records": 9, "records_to_silent": 4, "nodes": [{"address": "127.0.0.9", "records": 4, "alive": False}]}}, "owed", "127.0.0.9"),
+        ({"owed": {"records": 9, "records_to_silent": 4, "nodes": [{"address": ADDRESSES[2], "records": 4, "alive": False}]}}, "owed", ADDRESSES[2]),
         ({"forbidden": {"segments": 1, "records": 5, "nodes": ["127.0.0.9"]}}, "forbidden", "127.0.0.9"),
         ({"unrecovered": {"pieces": 1, "share": 0.25}}, "unrecovered", "25.0%"),
-        ({"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": None}]}, "too few nodes", "writes, which need 2, are refused"),
+        ({"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": None}]}, "too few nodes", "refused in spaces that need more than 1"),
         ({"shortages": [{"copies": 3, "needed": 2, "possible": 2, "blacklist_of": "127.0.0.2"}]}, "too few nodes", "blacklist of 127.0.0.2"),
     ],
 )  # fmt: skip
@@ -179,7 +215,10 @@ def test_a_blacklist_that_forbids_too_much_is_told_once_at_its_worst() -> None:
     ]
     found = health(*nodes(copies(shortages=shortages)))
     assert kinds(found) == ["too few nodes"]
-    assert found.ailments[0].text.startswith("only 1 of 3 copies") and "writes, which need 2, are refused" in found.ailments[0].text
+    assert (
+        found.ailments[0].text.startswith("only 1 of 3 copies")
+        and "writes are refused in spaces that need more than 1" in found.ailments[0].text
+    )
 
 
 def test_what_has_rotted_degrades_until_it_is_healed() -> None:

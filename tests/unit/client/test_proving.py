@@ -55,6 +55,7 @@ async def proved(nodes: ProvedNodes, shown: ShownScene = SHOWN, *, silent: tuple
         (proof.records, proof.records)
     ]
     assert told[-1].done == proof.records
+    assert [state.done for state in told] == sorted(state.done for state in told), "never less than before"
     assert proof.document()["sound"] == proof.is_sound
     return proof
 
@@ -92,6 +93,13 @@ async def test_who_says_digests_and_has_no_bytes_is_found(autojump_clock: MockCl
     liar = node_id_of("127.0.0.3")
     assert all(finding.verdicts[liar] is Verdict.NOTHING for finding in proof.named)
     assert len(proof.named) == min(20, len(held))
+
+
+async def test_what_is_looked_at_again_was_looked_at(autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proving, "CLIENT_GET_KEYS", 4)
+    nodes = ProvedNodes(digests_alone={"127.0.0.3"})
+    await kept_scene(nodes)
+    assert (await proved(nodes)).short
 
 
 async def test_a_copy_that_has_changed_or_is_forged_or_older_does_not_count(autojump_clock: MockClock) -> None:

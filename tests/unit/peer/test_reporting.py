@@ -40,6 +40,7 @@ def moment(**changes: Any) -> Moment:
         "capacity_bytes": 8_192,
         "memory_fraction": 0.25,
         "strays": 2,
+        "strays_more": True,
         "damaged": 0,
         "rays_per_second": 5,
         "events": {"given": 1, DROPPED: 4, TURNED_AWAY: 5, LOG_PACKETS: 6},
@@ -63,7 +64,7 @@ def test_a_client_reads_what_a_node_writes() -> None:
     read = read_report(pack_value(document), address_of(node(0)))
     assert (read.blacklist, read.blacklist_version) == (("10.1.2.0/24", "10.9.9.9"), 7)
     assert (read.role, read.boot, read.arc, read.lease_s, read.grants_leases, read.log_position) == ("voter", 3, HALF, 8.0, True, 3)
-    assert (read.records, read.fill, read.strays, read.seconds_up) == (20, 0.5, 2, 90.0)
+    assert (read.records, read.fill, read.strays, read.strays_more, read.seconds_up) == (20, 0.5, 2, True, 90.0)
     (handover,) = read.handovers
     assert (handover.gives, handover.open, handover.peer, handover.piece) == (True, True, address_of(node(1)), PIECE)
     assert (handover.seconds, handover.records, handover.bytes) == (4.0, 7, 700)
