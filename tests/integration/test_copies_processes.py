@@ -42,13 +42,20 @@ class Size:
     still_s: float
     """After everything is whole: for as long nothing may have been moved before it is counted. A placement that has lasted is followed after ten."""
     moved_max: float
-    """So many times what was lost may be moved. A few records go to and fro with pieces many times their size."""
+    """So many times what was lost may be moved."""
     options: tuple[str, ...] = ()
 
 
+# No bound for the small size would be sound: what was lost are a few MiB, less than a single piece that balance or a newcomer may move, and
+# the dead are removed after seconds, so that copies are made elsewhere, and once more where they belong when their nodes are back. How often
+# depends on when each of them is heard, and not on how much was lost.
 SMALL = Size((1, 2, 2), 300, (300, 4_000, 60_000), 120.0, 0.0, math.inf, ("--remove-after", "13"))
-FULL = Size((2, 2, 3), 40_000, (1_000, 61_440, 60_000, 61_440, 61_440, 61_440, 61_440, 61_440), 1_800.0, 15.0, 1.5)
-"""With two minutes until the dead are removed, as people have it: who is back before that gets its own copies, and none are made elsewhere."""
+FULL = Size((2, 2, 3), 40_000, (1_000, 61_440, 60_000, 61_440, 61_440, 61_440, 61_440, 61_440), 1_800.0, 15.0, 1.25)
+"""With two minutes until the dead are removed, as people have it: who is back before that gets its own copies, and none are made elsewhere.
+
+The goal is 1.15; 0.98 and 1.04 were measured (docs/benchmarks.md). The tenth above the goal is for a machine that does other things meanwhile:
+then a bound may move while copies are made, and what lies beside it is copied anew.
+"""
 
 pytestmark = pytest.mark.slow
 
