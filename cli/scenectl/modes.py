@@ -32,7 +32,7 @@ def mode(
 ) -> int:
     """Tell which mode a scene is in, or switch it: in edit mode it can be changed, in render mode only the output of a render is written.
 
-    A mode is active once nobody can act by the one before any more: at once, or, if one of those who decide cannot be reached, after some 13 s. Exit code 0: it is active. 3: it is decided, and not active yet, or nobody who can be asked knows.
+    A mode is active once nobody can act by the one before any more: at once, or, if one of those who decide cannot be reached, after some 13 s. Exit code 0: it is active. 3: it is decided, and not active yet, or no majority confirms it. 4: it was refused, or somebody else has switched it again meanwhile.
 
     Whoever takes part in the scene and seems alive is asked first, and may have something against it: a render that is under way, or an edit.
 
@@ -55,7 +55,11 @@ def mode(
             if to is None:
                 return await mode_of(access)
             return await set_mode(
-                access, SceneMode[to.name], lambda position: note(f"decided: {to.value} mode, position {position} of the log"), force=force
+                access,
+                SceneMode[to.name],
+                lambda position: note(f"decided: {to.value} mode, position {position} of the log"),
+                lambda since: note(so_already_text(to.value, since)),
+                force=force,
             )
 
     found = run(ask)
@@ -69,5 +73,11 @@ def mode_text(found: ModeShown) -> str:
     if found.is_active:
         return f"{decided}, which is active."
     if found.is_active is None:
-        return f"{decided}. Whether that is active is unknown: no participant that can be asked reaches most of the others."
+        why = "no participant that can be asked reaches most of the others"
+        return f"{decided}, as far as those know who can be asked. No majority confirms it, and whether it is active is unknown: {why}."
     return f"{decided}, which is decided and not active yet: leases of before may still be used."
+
+
+def so_already_text(mode: str, since: int | None) -> str:
+    """Why nothing was decided."""
+    return f"nothing to decide: the scene is in {mode} mode already" + ("" if since is None else f", since position {since} of the log")

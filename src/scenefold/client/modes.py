@@ -7,6 +7,7 @@ decides alone, nobody holds leases, and a mode is active as soon as it is decide
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -14,12 +15,15 @@ from typing import Any
 from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
+from scenefold.client.log_reading import ReadLog
 from scenefold.scene.log import SceneLog
-from scenefold.wire import BorrowLease, LeaseUse, LentLease, LogEntry, SceneLogPublic, SceneMode, SetMode
+from scenefold.wire import Batch, BorrowLease, LeaseUse, LentLease, LogEntry, SceneLogPublic, SceneMode, SetMode
 from scenefold.world import Priority
 
 ACTIVE_S_MAX = 30.0
 """How long whoever has changed the mode waits until it is active: leases of before are over after half of that."""
+UNCONFIRMED_S_MAX = 8.0
+"""How long for a majority that confirms a mode which is so already: participants that have just begun have a lease soon, others have none."""
 LOOK_S = 0.5
 
 
@@ -42,29 +46,90 @@ async def mode_of(access: SceneAccess) -> ModeShown:
     return await _shown(access, await _header(access))
 
 
-async def set_mode(access: SceneAccess, mode: SceneMode, decided: Callable[[int], object] = id, *, force: bool = False) -> ModeShown:
+async def set_mode(
+    access: SceneAccess,
+    mode: SceneMode,
+    decided: Callable[[int], object] = id,
+    so_already: Callable[[int | None], object] = id,
+    *,
+    force: bool = False,
+) -> ModeShown:
     """Change the mode, if it is another one, and wait until it is active, though not for ever. `decided` is told the log's position then.
 
+    `so_already`: told in its place, by whoever knows the newest, that nothing was to be changed: since which position, None if that is not known.
     Refused (13) while a participant has lent what may still be used, which it has asked for to be given back, or an observer renders; (3) if one
-    that seems alive does not say whether it suits it. `force`: nobody is asked. Then renders come to an end, and what was lent runs out before.
+    that seems alive does not say whether it suits it; (2) if somebody else has switched it again meanwhile. `force`: nobody is asked. Then renders
+    come to an end, and what was lent runs out before.
     """
-    header = await _header(access)
+    header, is_ours = await _header(access), False
     if header.mode is not mode:
-        header = (await access.change_log(partial(_switching, access.name, mode), forced=force)).header
-    decided(header.position)
+        log, is_ours = await _switched(access, mode, force=force)
+        header = log.header
+        if is_ours:
+            decided(_since(log, mode) or header.position)
     clock = access.calls.world.clock
-    until = clock.now() + ACTIVE_S_MAX
+    began = clock.now()
     while True:
         shown = await _shown(access, header)
-        if (shown.is_active and shown.position >= header.position) or clock.now() >= until:
-            return shown
+        if shown.mode is not mode and shown.position >= header.position:
+            raise _switched_again(access, mode, shown)
+        waited = clock.now() - began
+        is_in_vain = shown.is_active is None and not is_ours and waited >= UNCONFIRMED_S_MAX
+        if (shown.is_active and shown.position >= header.position) or waited >= ACTIVE_S_MAX or is_in_vain:
+            break
         await clock.sleep(LOOK_S)
+    if not is_ours and shown.is_active is not None:
+        so_already(await _so_since(access, mode))
+    return shown
+
+
+class _SoAlready(LocalFault):
+    """Somebody else was faster, with the same mode."""
+
+
+async def _switched(access: SceneAccess, mode: SceneMode, *, force: bool) -> tuple[ReadLog, bool]:
+    """The log in which it is so, and whether by us."""
+    try:
+        return await access.change_log(partial(_switching, access.name, mode), forced=force), True
+    except _SoAlready:
+        return await access.read_log(), False
 
 
 def _switching(name: str, mode: SceneMode, log: SceneLog) -> LogEntry:
     if log.mode is mode:
-        raise LocalFault(f"somebody else has switched the scene to {mode.name.lower()} mode", where=f"scene {name}")
+        raise _SoAlready(f"somebody else has switched the scene to {mode.name.lower()} mode", where=f"scene {name}")
     return SetMode(mode)
+
+
+def _switched_again(access: SceneAccess, mode: SceneMode, shown: ModeShown) -> Refused:
+    wanted, there = mode.name.lower(), shown.mode.name.lower()
+    what = f"somebody else has switched the scene to {there} mode since: so it is at position {shown.position} of its log"
+    remedy = (
+        f"`scenectl scene log {access.name} --last 3` shows by which node, and at which position; "
+        f"agree with the other owners, and switch it to {wanted} mode once more"
+    )
+    return Refused(RejectReason.POSITION_BEHIND, what, where=f"scene {access.name}", remedy=remedy)
+
+
+async def _so_since(access: SceneAccess, mode: SceneMode) -> int | None:
+    with suppress(Unreachable, Refused):
+        return _since(await access.read_log(), mode)
+    return None
+
+
+def _since(log: ReadLog, mode: SceneMode) -> int | None:
+    """The position that last brought this mode; None if the records do not say, as they begin behind it, or end in another one."""
+    if log.state.mode is not mode:
+        return None
+    for signed in reversed(log.log.records):
+        record = signed.decoded()
+        if _sets(record.entry):
+            return record.position
+    return None if log.log.snapshot is not None else 1
+
+
+def _sets(entry: LogEntry) -> bool:
+    return isinstance(entry, SetMode) or (isinstance(entry, Batch) and any(map(_sets, entry.entries)))
 
 
 async def _header(access: SceneAccess) -> SceneLogPublic:

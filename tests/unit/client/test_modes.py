@@ -5,16 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import trio
 from trio.testing import MockClock
 
-from scenectl.modes import mode_text
+from scenectl.errors import REFUSED, ending_of
+from scenectl.modes import mode_text, so_already_text
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.client.modes import ModeShown, mode_of, set_mode
-from scenefold.wire import BorrowLease, LeaseUse, LentLease, Packet, SceneMode
+from scenefold.client import modes
+from scenefold.client.modes import ACTIVE_S_MAX, LOOK_S, ModeShown, mode_of, set_mode
+from scenefold.wire import BorrowLease, LeaseUse, LentLease, Packet, SceneLogPublic, SceneMode, SetMode
 from scenefold.world import Priority
 from unit.client.fake_council import FIVE, FakeCouncil
-from unit.client.test_participants import hall_of
+from unit.client.test_participants import STEP, hall_of
 from unit.client.test_spaces import scene_of
 
 
@@ -47,9 +50,11 @@ async def test_decided_and_then_active(autojump_clock: MockClock, tmp_path: Path
     scene, _ = await hall_of(council, tmp_path)
     before = (await mode_of(scene.access)).position
     decided: list[int] = []
-    shown = await set_mode(scene.access, SceneMode.RENDER, decided.append)
-    assert decided == [before + 1] and shown == ModeShown(before + 1, SceneMode.RENDER, True)
-    assert await set_mode(scene.access, SceneMode.RENDER) == shown, "it is so already"
+    already: list[int | None] = []
+    shown = await set_mode(scene.access, SceneMode.RENDER, decided.append, already.append)
+    assert decided == [before + 1] and already == [] and shown == ModeShown(before + 1, SceneMode.RENDER, True)
+    assert await set_mode(scene.access, SceneMode.RENDER, decided.append, already.append) == shown, "it is so already"
+    assert decided == [before + 1] and already == [before + 1]
 
 
 async def test_a_minority_does_not_know(autojump_clock: MockClock, tmp_path: Path) -> None:
@@ -58,6 +63,69 @@ async def test_a_minority_does_not_know(autojump_clock: MockClock, tmp_path: Pat
     council.without_lease = set(FIVE)
     shown = await mode_of(scene.access)
     assert shown.is_active is None and "unknown" in mode_text(shown)
+
+
+async def test_what_is_so_already_is_not_called_decided(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = Lenders()
+    scene, hall = await hall_of(council, tmp_path)
+    decided: list[int] = []
+    already: list[int | None] = []
+    await set_mode(scene.access, SceneMode.EDIT, decided.append, already.append)
+    await set_mode(scene.access, SceneMode.RENDER)
+    await set_mode(scene.access, SceneMode.EDIT)
+    since = council.newest(scene.id).position
+    await hall.translate(STEP)
+    await set_mode(scene.access, SceneMode.EDIT, decided.append, already.append)
+    assert decided == [] and already == [1, since], "the entry that brought it, and no other one"
+    assert "since position" in so_already_text("edit", since) and "since" not in so_already_text("edit", None)
+
+
+async def test_a_minority_that_has_it_so_confirms_nothing(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = Lenders()
+    scene, _ = await hall_of(council, tmp_path)
+    council.without_lease = set(FIVE)
+    told: list[int | None] = []
+    began = trio.current_time()
+    shown = await set_mode(scene.access, SceneMode.EDIT, told.append, told.append)
+    assert shown.is_active is None and told == [] and "No majority confirms it" in mode_text(shown)
+    assert trio.current_time() - began < ACTIVE_S_MAX / 2
+
+
+async def test_who_is_overtaken_by_another_owner_is_told_so(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = Lenders()
+    council.looks = 6
+    scene, _ = await hall_of(council, tmp_path)
+    ended: list[Refused] = []
+
+    async def render() -> None:
+        with pytest.raises(Refused, match="somebody else has switched the scene to edit mode since") as refused:
+            await set_mode(scene.access, SceneMode.RENDER)
+        ended.append(refused.value)
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(render)
+        await trio.sleep(LOOK_S * 1.5)
+        again = council.newest(scene.id).position + 1
+        await scene.access.change_log(lambda _: SetMode(SceneMode.EDIT))
+    ending = ending_of(ended[0])
+    assert ending.exit_code == REFUSED and f"position {again} " in ending.line and "scene log" in ending.line
+
+
+async def test_who_was_not_the_first_to_switch_has_decided_nothing(
+    autojump_clock: MockClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    council = Lenders()
+    scene, _ = await hall_of(council, tmp_path)
+    old = council.newest(scene.id)
+
+    async def late(_: object) -> SceneLogPublic:
+        return old
+
+    await scene.access.change_log(lambda _: SetMode(SceneMode.RENDER))
+    monkeypatch.setattr(modes, "_header", late)
+    told: list[int | None] = []
+    shown = await set_mode(scene.access, SceneMode.RENDER, lambda _: pytest.fail("decided"), told.append)
+    assert shown.is_active and told == [old.position + 1]
 
 
 @pytest.mark.parametrize("is_active, words", [(True, "which is active"), (False, "not active yet"), (None, "unknown")])
