@@ -14,7 +14,7 @@ from scenefold.consensus import Promise, Propose
 from scenefold.consensus.facts import signed
 from scenefold.consensus.packets import packet_of
 from scenefold.peer.logs.intake import STRANGERS_BURST
-from scenefold.peer.scene_log.proposing import LOOKS_BURST
+from scenefold.peer.scene_log.proposing import ANSWER_S, ASK_S, LOOKS_BURST
 from scenefold.scene.log import check_decided, opened_value, value_of
 from scenefold.store.layout import LOGS
 from scenefold.store.log_rows import unpack_votes, votes_key
@@ -134,10 +134,42 @@ def test_a_barrier_says_whether_anything_was_begun() -> None:
         looks = [await look(2, newest, "user:eve") for _ in range(LOOKS_BURST + 8)]
         assert isinstance(looks[0], AcceptSceneProposal) and rejected(looks[-1]) is RejectReason.BUSY
         them.crash(0, 2)
-        assert rejected(await look(1, newest)) in (RejectReason.NO_MAJORITY, RejectReason.NOT_READY)
+        began = trio.current_time()
+        assert rejected(await look(1, newest)) is RejectReason.NO_MAJORITY, "it has met nothing of which it could know no end"
+        assert trio.current_time() - began < ASK_S + 0.1
         await them.start(0, 2)
         await them.commits(2)
         assert rejected(await look(0, newest)) is RejectReason.POSITION_BEHIND
+
+    assembled(3, main)
+
+
+@pytest.mark.parametrize("slot", [0, 1])
+def test_whoever_asks_has_an_answer_in_time_however_silent_the_others_are(slot: int) -> None:
+    """They take what is sent, and say nothing; what the one that runs has begun, and tries to bring to its end, holds up nobody who asks."""
+
+    async def main(them: Assembly) -> None:
+        await them.create(0, 1, 2)
+        await them.commits(0)
+        await them.everybody_at(2, 0, 1, 2)
+        read = await them.read(slot)
+        others = [them.node(other).address for other in range(3) if other != slot]
+        them.cluster.net.partition([them.node(slot).address], others)
+        said: list[tuple[RejectReason, float]] = []
+
+        async def asks(packet: ProposeSceneLog, after_s: float) -> None:
+            await trio.sleep(after_s)
+            began = trio.current_time()
+            reply = rejected(await them.ask(slot, packet))
+            said.append((reply, trio.current_time() - began))
+
+        async with trio.open_nursery() as nursery:
+            for number in range(3):
+                offered = them.following(read, them.grant())
+                nursery.start_soon(asks, ProposeSceneLog(them.genesis, offered.header, offered.private), number * 5.0)
+            nursery.start_soon(asks, ProposeSceneLog(them.genesis, read.public.proposed(), b""), 8.0)
+        assert max(took for _, took in said) < ANSWER_S + 0.1, said
+        assert {reason for reason, _ in said} <= {RejectReason.NO_MAJORITY, RejectReason.NOT_READY}
 
     assembled(3, main)
 

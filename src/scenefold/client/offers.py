@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused
@@ -35,21 +36,31 @@ def check_answer(packet: ProposeSceneLog, reply: AcceptSceneProposal | RejectSce
 
 
 def refusal_of(
-    reason: RejectReason, by: NodeId = NOBODY, silent_ms: int = 0, *, name: str, before: SceneLogPublic | None = None
+    reason: RejectReason,
+    by: NodeId = NOBODY,
+    silent_ms: int = 0,
+    *,
+    name: str,
+    before: SceneLogPublic | None = None,
+    silent: Sequence[NodeId] = (),
+    is_question: bool = False,
 ) -> Refused:
     """In words, for whoever proposed something. `by`: who says so, if that is known; `before`: the header that it was to follow.
 
-    `silent_ms`: with PEER_MISSED, since when `by`, who does not answer, gave no sign of life; 0: not known.
+    `silent_ms`: with PEER_MISSED, since when `by`, who does not answer, gave no sign of life; 0: not known. `silent`: with NO_MAJORITY,
+    participants that did not answer us either. `is_question`: nothing was proposed, but asked what became of something.
     """
     where = f"scene {name}" + (f", says {address_of(by)}" if by else "")
     if before is not None and before.participants:
+        if reason is RejectReason.NO_MAJORITY:
+            return _no_majority(where, before, silent, is_question=is_question)
         if reason is RejectReason.PEER_MISSED and by:
             return _missed(by, silent_ms, name, before)
         if reason is RejectReason.BUSY and _observes(by, before):
             what = f"an observer of the scene, {address_of(by)}, is reading it for an image"
             remedy = f"wait until the render has ended; `scenectl scene mode {name} MODE --force` ends it"
             return Refused(reason, what, where=f"scene {name}", remedy=remedy)
-        return _refusal_of_participants(reason, where, name, before)
+        return _refusal_of_participants(reason, where, name)
     if reason is RejectReason.LIMIT_EXCEEDED:
         what = f"the cluster takes no more scenes: {SCENES_PER_USER_MAX} of one user, {SCENES_LISTED_MAX} in all"
         return Refused(reason, what, where=where, remedy="use one of those that there are: `scenectl scene list`")
@@ -57,6 +68,16 @@ def refusal_of(
         return Refused(reason, "the cluster is busy: the scene was changed too often lately", where=where, remedy="try again in a while")
     words = reason.name.lower().replace("_", " ")
     return Refused(reason, f"the cluster refused the scene: {words}", where=where)
+
+
+def _no_majority(where: str, before: SceneLogPublic, silent: Sequence[NodeId], *, is_question: bool) -> Refused:
+    nodes = [address_of(entry.member.node) for entry in before.participants]
+    what = f"no majority of the nodes that decide the scene's log could be reached: {len(nodes) // 2 + 1} of {len(nodes)} must agree"
+    if silent:
+        what += f", and {', '.join(map(address_of, silent))} {'does' if len(silent) == 1 else 'do'} not answer"
+    told = "until then nobody can tell what became of the change" if is_question else "nothing was changed"
+    remedy = f"start those that are down, and repeat it; {told}"
+    return Refused(RejectReason.NO_MAJORITY, what, where=f"{where}; {', '.join(nodes)}", remedy=remedy)
 
 
 def _missed(node: NodeId, silent_ms: int, name: str, before: SceneLogPublic) -> Refused:
@@ -73,17 +94,9 @@ def _observes(node: NodeId, header: SceneLogPublic) -> bool:
     return any(entry.member.node == node for entry in header.observers)
 
 
-def _refusal_of_participants(reason: RejectReason, where: str, name: str, before: SceneLogPublic) -> Refused:
-    nodes = [address_of(entry.member.node) for entry in before.participants]
+def _refusal_of_participants(reason: RejectReason, where: str, name: str) -> Refused:
     see = f"`scenectl scene participants {name}` shows them"
     match reason:
-        case RejectReason.NO_MAJORITY:
-            what = (
-                f"no majority of the nodes that decide the scene's log could be reached: {len(nodes) // 2 + 1} of {len(nodes)} must agree"
-            )
-            return Refused(
-                reason, what, where=f"{where}; {', '.join(nodes)}", remedy="start those that are down, and repeat it; nothing was changed"
-            )
         case RejectReason.PEER_MISSED:
             remedy = f"start it, or wait until the others have noticed; {see}"
             return Refused(reason, "a node that takes part in the scene's log does not answer", where=where, remedy=remedy)

@@ -135,7 +135,7 @@ class LogAccess(LogReading):
                     return self._read
                 self._was_alone = False
                 first = outcome.by if outcome.reason in _TOO_LATE else None
-                problem = None if outcome.reason in _TOO_LATE else refusal_of(*outcome, name=self._name, before=before.header)
+                problem = None if outcome.reason in _TOO_LATE else self._refusal(outcome, before.header)
             except (Unreachable, PeerFault, Refused) as error:
                 problem, first = error, None
             # While there is doubt, what the log says next is better than what this answer says.
@@ -181,7 +181,7 @@ class LogAccess(LogReading):
             if isinstance(outcome, SceneLogPublic):
                 return Standing(None, False, known)
             reason, first = (RejectReason.BUSY if outcome.reason in _TOO_LATE else outcome.reason), outcome.by
-            problem = refusal_of(reason, outcome.by, outcome.silent_ms, name=self._name, before=read.header)
+            problem = self._refusal(outcome._replace(reason=reason), read.header, is_question=True)
             if not patience.bears(problem) or clock.now() >= until:
                 raise problem
             await self._calls.pause(patience)
@@ -204,6 +204,11 @@ class LogAccess(LogReading):
 
         with doubt.no_refusal():
             return await self._calls.of_any(offer)
+
+    def _refusal(self, rejected: Rejected, before: SceneLogPublic, *, is_question: bool = False) -> Refused:
+        nodes = [entry.member.node for entry in before.participants]
+        silent = [node for node in nodes if self._calls.is_silent(node, within_s=CLIENT_AUTHOR_S)]
+        return refusal_of(*rejected, name=self._name, before=before, silent=silent, is_question=is_question)
 
     def _doubt(self, what: str, remedy: Callable[[int], str]) -> Doubt:
         """Of offers, by their positions."""

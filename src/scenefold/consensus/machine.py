@@ -65,5 +65,7 @@ def _time_over(case: Case, timer: Timer) -> None:
             proposer.rested(case, proposal)
         case Timer(Waits.HOP, proposal) if proposal is not None:
             hops.hop_over(case, proposal)
+        case Timer(Waits.DEADLINE):
+            proposer.late(case)
         case _:
             proposer.orphaned(case)

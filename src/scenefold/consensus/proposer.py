@@ -12,7 +12,7 @@ from scenefold.consensus.hops import come_home
 from scenefold.consensus.messages import Answer
 from scenefold.consensus.proposer_actions import ACTIONS
 from scenefold.consensus.proposer_guards import GUARDS
-from scenefold.consensus.proposer_table import ANSWERED, ASK, DECIDED, ORPHANED, PROPOSER, REFUSED, RESTED, WAITED
+from scenefold.consensus.proposer_table import ANSWERED, ASK, DECIDED, LATE, ORPHANED, PROPOSER, REFUSED, RESTED, WAITED
 from scenefold.consensus.state import IDLE, Stage
 from scenefold.consensus.tables import first_fit
 from scenefold.wire import ProposalId
@@ -51,6 +51,11 @@ def rested(case: Case, proposal: ProposalId | None) -> None:
     """The pause is over."""
     if proposal == case.proposal.id:
         _run(RESTED, Effort(case))
+
+
+def late(case: Case) -> None:
+    """Whoever asks waits no longer."""
+    _run(LATE, Effort(case))
 
 
 def lose_link(case: Case, node: NodeId) -> None:

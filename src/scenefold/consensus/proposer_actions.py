@@ -12,7 +12,7 @@ from scenefold.consensus.effort import Effort
 from scenefold.consensus.hops import proof_in
 from scenefold.consensus.messages import Propose
 from scenefold.consensus.routes import Route, arms, first_of, in_line, straight_to
-from scenefold.consensus.state import Proposal
+from scenefold.consensus.state import NEVER, Proposal, Stage
 from scenefold.consensus.tables import acting
 from scenefold.consensus.timing import Timer, Waits
 from scenefold.consensus.values import Value
@@ -22,7 +22,7 @@ from scenefold.wire import Phase, ProposalId
 
 
 def begin(effort: Effort) -> None:
-    """remember who asked, for what and until when"""
+    """remember who asked, for what and until when; the wait for the deadline begins"""
     ask = effort.asked
     assert ask is not None
     needs_consent = ask.needs_consent or ask.is_for_all or ask.value is None
@@ -35,6 +35,8 @@ def begin(effort: Effort) -> None:
         deadline=ask.deadline,
     )
     effort.case.change_proposal(wanted)
+    left = max(0.0, ask.deadline - effort.case.view.now)
+    effort.case.set_timer(Timer(Waits.DEADLINE), left, left)
 
 
 def take_over(effort: Effort) -> None:
@@ -58,6 +60,7 @@ def open_ballot(effort: Effort) -> None:
         chosen=None,
         reason=RejectReason.NO_MAJORITY,
         by=None,
+        before=(effort.proposal.reason, effort.proposal.by),
     )
 
 
@@ -83,7 +86,7 @@ def vote(effort: Effort) -> None:
     fact = case.vote(proposal.id.ballot, choice.value)
     if proposal.is_asked and choice.value == proposal.wish:
         case.change_slot(case.slot.expose(choice.value))
-    effort.change(id=replace(proposal.id, phase=Phase.ACCEPT), facts=(fact,), chosen=choice.value)
+    effort.change(id=replace(proposal.id, phase=Phase.ACCEPT), facts=(fact,), chosen=choice.value, has_voted=True)
 
 
 def hear(effort: Effort) -> None:
@@ -241,8 +244,15 @@ def reject_as_refused(effort: Effort) -> None:
 
 
 def reject_as_noted(effort: Effort) -> None:
-    """answer REJECTED with what was remembered of the newest ballot, or 15"""
-    _reject(effort, effort.proposal.reason, effort.proposal.by)
+    """answer REJECTED with what was remembered of the newest ballot, while that is under way of the one before, or 15"""
+    proposal = effort.proposal
+    is_known = proposal.stage is Stage.RESTING or proposal.reason is not RejectReason.NO_MAJORITY
+    _reject(effort, *((proposal.reason, proposal.by) if is_known else proposal.before))
+
+
+def let_go(effort: Effort) -> None:
+    """nobody waits for it any more: what is under way comes to its end, and no other ballot follows"""
+    effort.change(is_asked=False, deadline=NEVER)
 
 
 def _reject(effort: Effort, reason: RejectReason, by: NodeId | None) -> None:
@@ -277,5 +287,6 @@ ACTIONS = acting(
         reject_as_judged,
         reject_as_refused,
         reject_as_noted,
+        let_go,
     )
 )

@@ -76,9 +76,10 @@ def for_good(effort: Effort) -> bool:
 
 
 def nothing_begun(effort: Effort) -> bool:
-    """`accepted` is none, no promise names any, somebody waits, and what was asked for is not in doubt"""
+    """`accepted` is none, no promise names any, somebody waits, and what was asked for is not in doubt, and no barrier"""
     slot, proposal = effort.case.slot, effort.proposal
-    return slot.accepted is None and named_highest(proposal.facts) is None and proposal.is_asked and not in_doubt(effort)
+    is_new = slot.accepted is None and named_highest(proposal.facts) is None
+    return is_new and proposal.is_asked and proposal.wish is not None and not in_doubt(effort)
 
 
 def arms_are_out(effort: Effort) -> bool:
@@ -127,15 +128,17 @@ def deadline_over(effort: Effort) -> bool:
 
 
 def nobody_waits(effort: Effort) -> bool:
-    """it is a takeover that nobody has asked for"""
+    """it is a takeover that nobody has asked for; or whoever asked was told something already"""
     return not effort.proposal.is_asked
 
 
 def in_doubt(effort: Effort) -> bool:
-    """what was asked for was in an ACCEPT of this node at L, or is `accepted`; or somebody has refused it since L is decided; or it is a barrier"""
+    """what was asked for was in an ACCEPT of this node at L, or is `accepted`; or somebody has refused it since L is decided; or it is a barrier, and this node has voted for what its promises named"""
     proposal, slot = effort.proposal, effort.case.slot
     digest = proposal.digest
-    return digest is None or digest in slot.exposed or digest == slot.accepted_digest or proposal.is_behind
+    if digest is None:
+        return proposal.has_voted or proposal.is_behind
+    return digest in slot.exposed or digest == slot.accepted_digest or proposal.is_behind
 
 
 def is_the_wish(effort: Effort) -> bool:

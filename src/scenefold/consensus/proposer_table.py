@@ -13,11 +13,15 @@ REFUSED = "9"
 WAITED = "T_PASS over"
 """T_PASS, or the link to the last arm that was waited for is lost."""
 RESTED = "pause over"
+LATE = "deadline over"
+"""Of whoever asks."""
 DECIDED = "L decided"
 
 _IDLE, _PREPARING, _SEEKING, _ACCEPTING, _REPEATING, _RESTING = Stage
 _BUSY = (_PREPARING, _SEEKING, _ACCEPTING, _REPEATING, _RESTING)
 _FIRST = (_PREPARING, _SEEKING)
+_SECOND = (_ACCEPTING, _REPEATING)
+_OUTSIDE = (_PREPARING, _SEEKING, _RESTING)
 _VOTING = (_ACCEPTING, _REPEATING, _RESTING)
 _NEWS = (ANSWERED, REFUSED, WAITED)
 
@@ -55,12 +59,16 @@ PROPOSER = (
     Row(_NEWS, (), ("note", "repeat"), at=(_ACCEPTING,), then=_REPEATING),
     Row(_NEWS, (), ("note", "rest"), at=(_REPEATING,), then=_RESTING),
     Row((RESTED,), ("deadline_over", "nobody_waits"), ("wait_again",), at=(_RESTING,), then=_IDLE),
-    Row((RESTED,), ("deadline_over", "in_doubt"), ("say_unknown",), at=(_RESTING,), then=_IDLE),
-    Row((RESTED,), ("deadline_over",), ("reject_as_noted",), at=(_RESTING,), then=_IDLE),
     Row((RESTED,), ("cannot_write",), ("rest",), at=(_RESTING,)),
     Row((RESTED,), ("no_ballot_left", "in_doubt"), ("say_unknown",), at=(_RESTING,), then=_IDLE),
     Row((RESTED,), ("no_ballot_left",), ("reject",), RejectReason.LIMIT_EXCEEDED, (_RESTING,), _IDLE),
     Row((RESTED,), (), ("open_ballot", "send_out"), at=(_RESTING,), then=_PREPARING),
+    Row((LATE,), ("nobody_waits",), at=_BUSY),
+    Row((LATE,), ("in_doubt",), ("say_unknown",), at=_OUTSIDE, then=_IDLE),
+    Row((LATE,), ("overtaken",), ("note_overtaken", "reject_as_noted"), at=_FIRST, then=_IDLE),
+    Row((LATE,), (), ("reject_as_noted",), at=_OUTSIDE, then=_IDLE),
+    Row((LATE,), ("in_doubt",), ("say_unknown", "let_go"), at=_SECOND),
+    Row((LATE,), (), ("reject_as_noted", "let_go"), at=_SECOND),
     Row((DECIDED,), ("nobody_waits",), at=_BUSY, then=_IDLE),
     Row((DECIDED,), ("is_the_wish",), ("say_committed",), at=_BUSY, then=_IDLE),
     Row((DECIDED,), (), ("reject",), RejectReason.POSITION_BEHIND, _BUSY, _IDLE),

@@ -60,6 +60,10 @@ class Proposal:
     reason: RejectReason = RejectReason.NO_MAJORITY
     """Why the newest ballot came to nothing, and who said so."""
     by: NodeId | None = None
+    before: tuple[RejectReason, NodeId | None] = (RejectReason.NO_MAJORITY, None)
+    """The same of the ballot before that."""
+    has_voted: bool = False
+    """In one of its ballots a majority had promised, and there was something to vote for."""
     is_behind: bool = False
     """Somebody has refused a ballot since the position is decided, and has not told yet with which value."""
     # Of the present ballot:

@@ -23,6 +23,7 @@ class Waits(Enum):
     REST = "the pause before the next ballot"
     HOP = "what comes back from further out"
     ORPHAN = "whoever had begun what this node has voted for"
+    DEADLINE = "what whoever asks is told at the latest"
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,23 @@ from __future__ import annotations
 import pytest
 
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Ask, Learn, Message, Outcome, Propose, Reply, Setting, Slot, Stage, State, View, take
+from scenefold.consensus import (
+    Ask,
+    Learn,
+    Message,
+    Outcome,
+    Propose,
+    Reply,
+    Setting,
+    Slot,
+    Stage,
+    State,
+    TimeOver,
+    Timer,
+    View,
+    Waits,
+    take,
+)
 from scenefold.consensus.ballots import COUNTER_MAX
 from scenefold.wire import Ballot, Phase
 from unit.consensus.logs_made import GENESIS, Book, Change, key_of, member, participants
@@ -226,6 +242,86 @@ def test_a_few_who_overtake_each_other_say_that_there_is_no_majority(seed: int) 
     for node in (A, B):
         said = world.nodes[node].replies[-1]
         assert (said.outcome, said.reason) == (Outcome.REJECTED, RejectReason.NO_MAJORITY)
+
+
+@pytest.mark.parametrize("others", ["dead", "silent"])
+@pytest.mark.parametrize("is_barrier", [True, False])
+def test_without_a_majority_whoever_asks_is_told_so_at_the_deadline(others: str, is_barrier: bool) -> None:
+    """A barrier, too: that nobody knows what became of something is said only by who has met it."""
+    world = World(1, A, B, C)
+    for node in (B, C):
+        if others == "dead":
+            world.crash(node)
+    if others == "silent":
+        world.filter = lambda source, target, message: False
+    if is_barrier:
+        world.ask_again(A, None, within=6.0)
+    else:
+        world.ask(A, "it", within=6.0)
+    world.run(6.01)
+    [said] = world.nodes[A].replies
+    assert (said.outcome, said.reason) == (Outcome.REJECTED, RejectReason.NO_MAJORITY)
+    state = world.nodes[A].state
+    assert state is not None and state.proposal.stage is Stage.IDLE
+
+
+def test_a_barrier_that_cannot_bring_to_an_end_what_it_met_does_not_know() -> None:
+    """B has voted for it, and says so; then nobody hears of it any more."""
+    world = World(1, A, B, C, D, E)
+
+    def until_b(source: int, target: int, message: Message) -> bool:
+        return not isinstance(message, Propose) or message.proposal.phase is Phase.PREPARE or target == B
+
+    world.filter = until_b
+    world.ask(C, "it", within=1.0)
+    world.run(10.0, lambda: world.nodes[B].disk.slot.accepted is not None)
+    world.crash(C)
+    world.filter = lambda source, target, message: not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT)
+    world.ask_again(A, None, within=6.0)
+    world.run(6.01)
+    assert [said.outcome for said in world.nodes[A].replies] == [Outcome.UNKNOWN]
+    world.filter = lambda source, target, message: True
+    world.run(60.0)
+    assert world.agree(A, B, D, E) == ["it"]
+
+
+def test_whoever_asks_waits_no_longer_than_to_the_deadline_and_what_is_under_way_goes_on() -> None:
+    """The votes come late: it is unknown then, and decided all the same, once."""
+    world = World(1, A, B, C)
+    world.filter = lambda source, target, message: not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT)
+    value = world.ask(A, "it", within=1.0)
+    world.run(1.01)
+    state = world.nodes[A].state
+    assert [said.outcome for said in world.nodes[A].replies] == [Outcome.UNKNOWN]
+    assert state is not None and state.proposal.stage in (Stage.ACCEPTING, Stage.REPEATING), "at the deadline itself"
+    world.filter = lambda source, target, message: True
+    world.run(60.0)
+    assert [(said.digest, said.outcome) for said in world.nodes[A].replies[1:]] == [(value.digest, Outcome.COMMITTED)]
+    assert world.agree() == ["it"]
+
+
+def test_the_deadline_of_who_was_answered_ends_nothing_of_what_follows() -> None:
+    """It had been answered before; what is taken over when its time comes goes on."""
+    world = World(1, A, B, C)
+    world.ask(A, "one", within=30.0)
+    world.run(1.0)
+    world.filter = lambda source, target, message: not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT)
+    world.ask(B, "two", within=1.0)
+    world.run(5.0, lambda: world.nodes[B].disk.slot.accepted is not None)
+    world.part({B}, {A, C})
+    world.run(24.0, lambda: _is_taking_over(world, B) and world.now > 20)
+    before = world.nodes[B].replies[:]
+    world.happen(B, TimeOver(Timer(Waits.DEADLINE)))
+    assert _is_taking_over(world, B) and world.nodes[B].replies == before
+    world.heal()
+    world.filter = lambda source, target, message: True
+    world.run(60.0)
+    assert world.agree() == ["one", "two"]
+
+
+def _is_taking_over(world: World, node: int) -> bool:
+    state = world.nodes[node].state
+    return state is not None and state.proposal.stage is not Stage.IDLE and not state.proposal.is_asked
 
 
 def test_one_at_a_time() -> None:

@@ -12,6 +12,7 @@ from scenefold.consensus.proposer_table import ASK, ORPHANED, PROPOSER
 from scenefold.consensus.state import Stage
 from scenefold.consensus.tables import Row, first_fit
 from unit.consensus.soup import Soup
+from unit.consensus.world import World
 
 SEEDS = 40
 TABLES = {"acceptor": ACCEPTOR, "hops": HOPS, "learning": LEARNING, "proposer": PROPOSER}
@@ -60,7 +61,19 @@ def taken() -> set[Row]:
             patch.setattr(module, "first_fit", noted)
         for seed in range(SEEDS):
             Soup(seed).run()
+        _full_behind_its_promise()
     return rows
+
+
+def _full_behind_its_promise() -> None:
+    """What few seeds meet: a majority promises, and then the own disk takes no vote."""
+    world = World(1, 1, 2, 3)
+    world.ask(1, "it")
+    world.nodes[1].disk.is_full = True
+    world.run(1.0)
+    world.nodes[1].disk.is_full = False
+    world.run(30.0)
+    assert world.agree() == ["it"]
 
 
 @pytest.mark.parametrize("name", TABLES)

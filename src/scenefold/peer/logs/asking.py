@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -78,12 +79,10 @@ class Asking:
 
     def next(self, state: State, now: float) -> Ask | None:
         """What to propose now; None if nobody asks for anything. To be called while the last one is settled."""
+        self.expire(state, now)
         while self._current is None and self._waiting:
             request = self._waiting.popleft()
             if request.is_abandoned:
-                continue
-            if request.deadline <= now:
-                request.finish(Answer(Outcome.REJECTED, state.position + 1, RejectReason.NO_MAJORITY))
                 continue
             try:
                 value = None if request.make is None else request.make(state.judge)
@@ -95,6 +94,19 @@ class Asking:
             request.digest = None if value is None else value.digest
             return Ask(value, request.deadline, request.is_for_all, request.is_forced, request.needs_consent)
         return None
+
+    def expire(self, state: State, now: float) -> None:
+        """Those that wait behind what is proposed are answered in time, too: however long that takes, it is not theirs."""
+        late = [request for request in self._waiting if request.deadline <= now]
+        for request in late:
+            self._waiting.remove(request)
+            outcome = Outcome.UNKNOWN if _is_under_way(request, state) else Outcome.REJECTED
+            reason = RejectReason.NO_MAJORITY if outcome is Outcome.REJECTED else None
+            request.finish(Answer(outcome, state.position + 1, reason))
+
+    def next_late_at(self) -> float:
+        """When the first of those that wait is to be answered."""
+        return min((request.deadline for request in self._waiting), default=math.inf)
 
     @property
     def is_proposing(self) -> bool:
@@ -122,6 +134,17 @@ class Asking:
             request.finish(_ended())
         self._current = None
         self._waiting.clear()
+
+
+def _is_under_way(request: _Request, state: State) -> bool:
+    """Whether this node has begun it earlier, or is at it, for whomever."""
+    if request.make is None:
+        return False
+    try:
+        digest = request.make(state.judge).digest
+    except Refused:
+        return False
+    return digest in state.slot.exposed | {state.slot.accepted_digest, state.proposal.digest}
 
 
 def _check(value: Value | None, state: State) -> None:

@@ -155,6 +155,7 @@ class Log:
                 task_status.started()
                 while True:
                     await trio.lowlevel.checkpoint()
+                    self._asking.expire(self._state, self._world.clock.now())
                     event = self._next()
                     if event is not None:
                         await self._happen(courier, event)
@@ -163,7 +164,8 @@ class Log:
                     now = self._world.clock.now()
                     if now >= self._sync_at:
                         self._sync(courier, now)
-                    await self._inbox.wait(min(self._timers.wait_s(), self._sync_at - now))
+                    late_s = max(0.0, self._asking.next_late_at() - now)
+                    await self._inbox.wait(min(self._timers.wait_s(), self._sync_at - now, late_s))
         finally:
             self._asking.end(self._state.position + 1)
 

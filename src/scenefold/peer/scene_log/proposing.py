@@ -31,6 +31,10 @@ from scenefold.world.buckets import Buckets
 
 ASK_S = 6.0
 """For the participants to decide: a person waits."""
+ANSWER_S = 8.0
+"""For all that comes before that, too: to learn what it lacks, to come in line, to ask observers. Relays and clients wait for one participant that long."""
+ASK_S_MIN = 1.0
+"""What is left in any case."""
 BEHIND_S = 2.0
 """For a participant to learn what the author knew already."""
 LATE_MAX = 16
@@ -83,7 +87,7 @@ class Proposing:
     # ------------------------------------------------------------------------------------------------ participants
 
     async def _decided(self, one: SceneRun, packet: ProposeSceneLog, peer: str) -> Packet:
-        public = packet.public
+        public, until = packet.public, self._world.clock.now() + ANSWER_S
         if packet.genesis != public.genesis or public.genesis != one.public.genesis or public.decision is not None:
             raise Refused(RejectReason.ILL_FORMED, "the proposal is for another scene, or decided already")
         needed = public.position - 1 if packet.private else public.position
@@ -95,13 +99,13 @@ class Proposing:
         if not packet.private:
             return await self._looked(one, public, peer)
         if not await self._has_place(one, public):
-            return await self._proposed(one, packet)
+            return await self._proposed(one, packet, until)
         comes_back = False
         try:
             if not await one.turns.comes(public.request) and not self._is_decided(one, public):
                 # It may try all the same, if nobody has gone on.
                 _check_next(public, one.public)
-            reply = await self._proposed(one, packet)
+            reply = await self._proposed(one, packet, until)
             comes_back = isinstance(reply, RejectSceneProposal) and reply.reason in _TOO_LATE
         except Refused as refusal:
             comes_back = refusal.reason in _TOO_LATE
@@ -121,7 +125,7 @@ class Proposing:
                 return False
         return one.turns.enter(public.request)
 
-    async def _proposed(self, one: SceneRun, packet: ProposeSceneLog) -> Packet:
+    async def _proposed(self, one: SceneRun, packet: ProposeSceneLog, until: float) -> Packet:
         public = packet.public
         if public == one.public.proposed():
             return accepted(one.public)
@@ -144,7 +148,8 @@ class Proposing:
 
         try:
             # Whoever seems alive is to agree with a change of the mode, and nobody can have anything against others (specs/26-modes.md, The switch).
-            answer = await one.log.ask(make, ASK_S, is_for_all=for_all, is_forced=is_forced, needs_consent=is_switch)
+            within_s = max(ASK_S_MIN, min(ASK_S, until - self._world.clock.now()))
+            answer = await one.log.ask(make, within_s, is_for_all=for_all, is_forced=is_forced, needs_consent=is_switch)
         except Refused:
             if self._is_decided(one, public):
                 return accepted(one.recent[public.position])
@@ -189,7 +194,9 @@ class Proposing:
             case Outcome.OPEN:
                 return accepted(one.public)
             case Outcome.REJECTED:
-                return rejection(answer.reason or RejectReason.NO_MAJORITY, self._me if answer.by is None else answer.by)
+                # A higher ballot is at it: others can be reached, and may know more.
+                reason = RejectReason.BUSY if answer.reason is RejectReason.POSITION_TAKEN else answer.reason
+                return rejection(reason or RejectReason.NO_MAJORITY, self._me if answer.by is None else answer.by)
             case _:
                 return rejection(RejectReason.NOT_READY, self._me)
 

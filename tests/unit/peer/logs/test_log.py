@@ -129,6 +129,30 @@ def test_without_a_majority_nothing_is_decided_and_the_answer_says_so() -> None:
     in_town(3, main)
 
 
+def test_who_waits_behind_others_is_answered_in_time() -> None:
+    """Others have taken what was begun, and say nothing: what this node tries to bring to its end for half a minute is no reason to be silent."""
+
+    async def main(town: Town) -> None:
+        asker = town.nodes[1]
+        for number in (2, 3):
+            town.crash(town.nodes[number], silent=True)
+        found: dict[str, tuple[Answer, float]] = {}
+
+        async def one(request: str | None, after_s: float) -> None:
+            await trio.sleep(after_s)
+            began = trio.current_time()
+            found[str(request)] = await ask(asker, request, 6.0), trio.current_time() - began
+
+        async with trio.open_nursery() as nursery:
+            for number in range(3):
+                nursery.start_soon(one, f"r{number}", number * 0.5)
+            nursery.start_soon(one, None, 2.0)
+        assert {(answer.outcome, answer.reason) for answer, _ in found.values()} == {(Outcome.REJECTED, RejectReason.NO_MAJORITY)}
+        assert max(took for _, took in found.values()) < 6.1
+
+    in_town(3, main)
+
+
 @pytest.mark.parametrize("point", list(Point))
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_the_proposer_dies_at_a_step_and_another_one_goes_on(point: Point, count: int) -> None:
