@@ -26,6 +26,7 @@ from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.replication.forbidden_holders import with_forbidden
 from scenefold.peer.replication.full_holders import FullHolders, around_full
 from scenefold.peer.replication.placing_wishes import (
     Piece,
@@ -174,7 +175,10 @@ class Placing:
         copies = self._parts.keeper.copies
         places = _recovered(copies, arc)
         full = self._full()
-        about = self._line_of, own.blacklist, tuple(places), wanted, self._most, full, copies.configurations.segments if full else ()
+        # Whom these ask for depends on who holds what already.
+        has_exceptions = full or any(short.whose is not None and short.forbids_writes for short in self.shortages.values())
+        segments = copies.configurations.segments if has_exceptions else ()
+        about = self._line_of, own.blacklist, tuple(places), wanted, self._most, full, segments
         if about == self._given_of:
             return
         takable = {node: known.member for node in registry.order if node != own.me and (known := registry.current(node)) is not None}
@@ -187,12 +191,13 @@ class Placing:
                 continue
             most = self._most[layout]
             pieces = partial(self._pieces, layout, most)
-            self._given[layout] = runs(
-                [piece for place in places for piece in around_full(copies.configurations, layout, place, allowed, full, pieces)]
-            )
+            given = [piece for place in places for piece in around_full(copies.configurations, layout, place, allowed, full, pieces)]
             short = shortage_of(layout, needed, allowed.keys(), takable.keys(), own.me, waiting, most)
             if short is not None:
                 shortages[layout] = short
+                if short.whose is not None and short.forbids_writes:
+                    given = with_forbidden(copies.configurations, layout, given, takable)
+            self._given[layout] = runs(given)
         self.shortages, self._given_of = shortages, about
 
     def _pieces(self, layout: Layout, most: int, place: Arc, allowed: Mapping[NodeId, Member]) -> list[Piece]:

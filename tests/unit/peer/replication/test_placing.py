@@ -16,7 +16,7 @@ from scenefold.peer.copies.segment import GONE
 from scenefold.peer.handlers import Senders
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.gaps import GAP_REST_S
-from scenefold.peer.replication.placing_wishes import target_of
+from scenefold.peer.replication.placing_wishes import STEADY_S, target_of
 from scenefold.peer.replication.telling_words import members_of, untold
 from scenefold.peer.timing import T_WAIT_S
 from scenefold.store import Outcome, Put, PutResult
@@ -164,6 +164,42 @@ def test_a_blacklist_that_forbids_too_many_is_said() -> None:
             nursery.cancel_scope.cancel()
 
     run_simulated(3, main, virtual_s_max=200.0, wall_s_max=120.0)
+
+
+def test_who_is_forbidden_goes_on_holding_what_nobody_else_may_until_enough_others_may() -> None:
+    async def main() -> None:
+        terrace = Terrace(5)
+        first = terrace.homes[0]
+        async with trio.open_nursery() as nursery:
+            await terrace.begin(nursery)
+            await until(lambda: all(map(is_told, terrace.homes)))
+            own, placing = first.own, first.replication.placing
+            assert own is not None
+
+            def active() -> set[int]:
+                found = [segment.active(first.member) for segment in first.copies.configurations.segments]
+                return {member.node for one in found if one is not None for member in one.members[1:]}
+
+            held = active()
+            assert held
+            own.blacklist = Blacklist(1, tuple(AddressPrefix(home.node, ADDRESS_BITS) for home in terrace.homes[1:]))
+            await until(lambda: THIRDS in placing.shortages)
+            await trio.sleep(3 * STEADY_S)
+            assert active() == held and is_told(first)
+            for home in terrace.homes[1:]:
+                entry = home.copies.custody.at(THIRDS, first.living.arc.first) if first.living.arc is not None else None
+                segment = first.copies.configurations.at(THIRDS, first.living.arc.first) if first.living.arc is not None else None
+                assert segment is not None
+                assert (entry is not None and entry.whole) == (home.member in segment.holders(first.member))
+            with pytest.raises(Refused):
+                placing.check(SCENE, THRICE)
+            allowed = {home.node for home in terrace.homes[3:]}
+            own.blacklist = Blacklist(2, tuple(AddressPrefix(home.node, ADDRESS_BITS) for home in terrace.homes[1:3]))
+            await until(lambda: active() == allowed and is_told(first))
+            assert not placing.shortages
+            nursery.cancel_scope.cancel()
+
+    run_simulated(5, main, virtual_s_max=200.0, wall_s_max=120.0)
 
 
 def test_who_waits_for_an_arc_holds_copies_where_writes_need_it_and_so_gets_one() -> None:
