@@ -9,8 +9,8 @@ import pytest
 import trio
 
 from scenefold.base.errors import DamagedData, LocalFault, Unreachable
-from scenefold.peer.balance.draining import DRAINED, NodeDrained
-from scenefold.peer.cluster_log.registered import NO_INCARNATION, Removal
+from scenefold.peer.balance.draining import NodeDrained
+from scenefold.peer.cluster_log.registered import DRAINED, NO_INCARNATION, Removal
 from scenefold.peer.enrolment.enrolment import IdentityRenewed
 from scenefold.simulation import laws
 from scenefold.simulation.disks import incarnation_of

@@ -114,7 +114,7 @@ class PeerServices:
         line = Line(
             world, store, peers, cluster_log, own, lease, scenes, routing, claims, gaps, transfer_bytes_per_s=settings.transfer_bytes_per_s
         )
-        self._replication = Replication(line.parts, roster, routing, gaps)
+        self._replication = Replication(line.parts, roster, routing, gaps, may_order=may_order)
         purging = Purging(line.parts, self._replication.spreading)
         self._letting_go = LettingGo(line.parts, participation)
         suspects = Suspects(line.parts)
@@ -253,6 +253,7 @@ class PeerServices:
         await context.draining.load()
         await self._blacklist.load()
         await context.upkeep.load()
+        await context.replication.noting.load()
         async with trio.open_nursery() as nursery:
             await nursery.start(partial(context.participation.run, context.scenes))
             await nursery.start(context.gossip.run)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import trio
 
-from scenefold.peer.balance.draining import DRAINED
-from scenefold.peer.cluster_log.registered import NO_INCARNATION, Removal
+from scenefold.peer.cluster_log.registered import DRAINED, NO_INCARNATION, Removal
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.timing import REMOVE_AFTER_S as DEFAULT_REMOVE_AFTER_S
 from scenefold.simulation import laws

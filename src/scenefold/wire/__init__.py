@@ -119,6 +119,7 @@ if TYPE_CHECKING:
     )
     from scenefold.wire.log_snapshots import ShortenedLog, SignedSnapshot, SnapshotMember, SnapshotSpace, SnapshotState
     from scenefold.wire.log_values import DecidedLog, DecidedValue, LogValue
+    from scenefold.wire.loss_packets import AcknowledgeLosses, LossesKept, NotedLoss, TellLosses
     from scenefold.wire.member_packets import (
         BlacklistChanged,
         ChangeBlacklist,
@@ -238,6 +239,7 @@ _HOMES = {
     "log_records": "LogRecord NO_RECORD SignedRecord hash_of_record pack_log unpack_log",
     "log_snapshots": "ShortenedLog SignedSnapshot SnapshotMember SnapshotSpace SnapshotState",
     "log_values": "DecidedLog DecidedValue LogValue",
+    "loss_packets": "AcknowledgeLosses LossesKept NotedLoss TellLosses",
     "member_packets": "BlacklistChanged ChangeBlacklist DrainNode NodeReport ProbeFor ProbeResult RequestProof RequestReport ReturnProof",
     "members": "Member ParticipantEntry",
     "own_packets": "Fault ListScenes RequestTable RespondTable ScenesListed",
@@ -279,6 +281,7 @@ __all__ = [
     "AcceptPoolJoin",
     "AcceptSceneProposal",
     "AcceptValue",
+    "AcknowledgeLosses",
     "AddNode",
     "AddObserver",
     "AddParticipant",
@@ -359,6 +362,7 @@ __all__ = [
     "LogRecord",
     "LogValue",
     "LookAtCopies",
+    "LossesKept",
     "MalformedPacket",
     "Member",
     "MergeFilm",
@@ -366,6 +370,7 @@ __all__ = [
     "NodeReport",
     "NodeSignature",
     "NotSpoken",
+    "NotedLoss",
     "OfferRange",
     "OfferRecords",
     "OfferStrays",
@@ -459,6 +464,7 @@ __all__ = [
     "SuspectsDiscarded",
     "SuspectsFetched",
     "SuspectsListed",
+    "TellLosses",
     "TranslateSpace",
     "Trust",
     "UnsupportedPacket",

@@ -20,6 +20,7 @@ from scenefold.wire import (
     log_records,
     log_snapshots,
     log_values,
+    loss_packets,
     member_packets,
     members,
     orders,
@@ -56,6 +57,7 @@ ROWS: dict[int, Row] = {
         suspect_packets,
         upkeep_packets,
         lease_packets,
+        loss_packets,
     )
     for row in family.ROWS
 }
@@ -95,6 +97,7 @@ STRUCTS = (
     *copy_packets.STRUCTS,
     *purge_packets.STRUCTS,
     *suspect_packets.STRUCTS,
+    *loss_packets.STRUCTS,
     *log_records.STRUCTS,
     *log_snapshots.STRUCTS,
     *orders.STRUCTS,
@@ -102,7 +105,7 @@ STRUCTS = (
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 123))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 126))
 assert not any(since_of(kind) for struct in STRUCTS for _, kind in struct.fields), (
     "what stands inside packets has no fields of later versions"
 )

@@ -25,6 +25,7 @@ from scenefold.peer.balance.indispensable import why_never
 from scenefold.peer.balance.pieces import Scales, piece_of
 from scenefold.peer.balance.seams import Log, MovesBounds
 from scenefold.peer.balance.takers import Takers
+from scenefold.peer.cluster_log.registered import DRAINED
 from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
@@ -32,8 +33,6 @@ from scenefold.store.walking import Manifest, Rightful
 from scenefold.wire import DrainNode, NodeReport, RemoveNode, pack_value
 from scenefold.world import QuietLog, World
 
-DRAINED = "drained"
-"""The reason in the log."""
 LOOK_S = 1.0
 """Between two tries, and between two looks whether the last of it has gone."""
 LISTED = 16

@@ -14,6 +14,8 @@ from scenefold.peer.cluster_log.lives import unpack_granted, unpack_lives
 from scenefold.peer.cluster_log.numbered_lives import unpack_life
 from scenefold.peer.cluster_log.voted_lease import NOTE as OWN_LIFE
 from scenefold.peer.copies.copies_note import decode_copies
+from scenefold.peer.copies.losses_note import NOTE as LOSSES
+from scenefold.peer.copies.losses_note import decode_losses
 from scenefold.peer.line.holding_note import decode_holding
 from scenefold.peer.membership.blacklist import decode_blacklist
 from scenefold.peer.scrub.note import NOTE as SCRUB
@@ -27,7 +29,7 @@ from scenefold.store.layout import HOLDING, NOTES
 from scenefold.wire import MalformedPacket, Member, SceneLogPublic, unpack_log
 from scenefold.world import ReadTransaction
 
-SPARE = frozenset({SCRUB, UPKEEP})
+SPARE = frozenset({LOSSES, SCRUB, UPKEEP})
 """Notes that a node can do without."""
 _READERS: tuple[tuple[str, Callable[[bytes], object]], ...] = (
     (r"cluster-log/\d{8}", unpack_log),
@@ -40,6 +42,7 @@ _READERS: tuple[tuple[str, Callable[[bytes], object]], ...] = (
     (r"blacklist", decode_blacklist),
     (SCRUB, decode_round),
     (UPKEEP, decode_orders),
+    (LOSSES, decode_losses),
 )
 
 

@@ -15,6 +15,8 @@ from scenefold.wire.log_records import hash_of_entry
 
 NO_INCARNATION = bytes(16)
 """Stands for the incarnation of a founder that never registered."""
+DRAINED = "drained"
+"""Why a node is removed that has handed over all that it had."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,11 @@ class Removal:
     member: Member
     reason: str
     position: int
+
+    @property
+    def is_loss(self) -> bool:
+        """Whether what only this incarnation's disk had is gone with it."""
+        return self.reason != DRAINED
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,6 +107,16 @@ class Registry:
         """All removed incarnations, oldest first."""
         return self._removals
 
+    def is_lost(self, member: Member) -> bool:
+        """Whether an incarnation was removed and had not handed over before what it had."""
+        removal = self._removals.get(member.incarnation)
+        return removal is not None and removal.is_loss
+
+    @property
+    def lost(self) -> list[Member]:
+        """All those, the newest last."""
+        return [removal.member for removal in self._removals.values() if removal.is_loss]
+
     def stands(self, node: NodeId) -> bool:
         """Whether the node is on the line, registered or as a founder."""
         return node in self._ranks

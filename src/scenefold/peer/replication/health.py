@@ -33,12 +33,21 @@ LISTED_MAX = 16
 class Health:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, roster: Roster, placing: Placing, healing: Healing, left: Callable[[], Left]) -> None:
+    def __init__(
+        self,
+        parts: Parts,
+        roster: Roster,
+        placing: Placing,
+        healing: Healing,
+        left: Callable[[], Left],
+        lost: Callable[[], list[dict[str, Any]]] = list,
+    ) -> None:
         self._parts = parts
         self._roster = roster
         self._placing = placing
         self._healing = healing
         self._left = left
+        self._lost = lost
         self._counted: dict[str, int] = {}
         self._counted_for: tuple[object, ...] = ()
         self._counted_at = float("-inf")
@@ -92,6 +101,7 @@ class Health:
             ],
             "repair": _left_document(self._left()),
             "full": _addresses(sorted(member.node for member in self._placing.full.among(members_of(copies.configurations)))),
+            "lost": self._lost(),
             "held": {
                 "segments": len(copies.custody.entries),
                 "whole": sum(entry.whole for entry in copies.custody.entries),

@@ -7,15 +7,18 @@ that but time. Until a gap is recovered, single places of it are looked up by na
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 
 import trio
 
 from scenefold.base.cover import without
 from scenefold.base.errors import Refused
+from scenefold.base.ids import address_of
 from scenefold.base.location import Arc, Location
+from scenefold.peer.copies.losses import Loss
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.replication.placing_wishes import needed_of
 from scenefold.peer.replication.recovering_gap import Asking
 
 LOOK_UPS_MAX = 8
@@ -29,8 +32,10 @@ _log = logging.getLogger("scenefold.peer.replication")
 class Recovering:
     """Used from the Trio thread only. `doubt`: told of a gap that is about to be recovered: nothing in it has settled yet."""
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: Parts, note: Callable[[Sequence[Loss]], Awaitable[None]]) -> None:
+        """`note`: keep durably what may be lost."""
         self._parts = parts
+        self._note = note
         self.doubt: Callable[[Arc], object] = lambda _: None
         self._askings: dict[Arc, Asking | None] = {}
         """Of each gap that is being recovered; None in a pause."""
@@ -102,6 +107,9 @@ class Recovering:
             await asking.run()
             # There may be scenes that were not known here before.
             self.doubt(gap)
+            losses = self._losses(asking)
+            # Before the gap counts as recovered: else a crash in between would leave it unsaid.
+            await self._note(losses)
             await self._parts.keeper.change_copies(lambda copies, _: asking.roll.recover(copies))
         except Refused as problem:
             # The disk is full, or this life is ending.
@@ -113,8 +121,23 @@ class Recovering:
             self._askings[gap] = None
             self._looked_up = {location: None for location in self._looked_up if location not in gap}
         self._parts.events["recovered"] += 1
-        _log.info("all that was acknowledged in %s..%s is known", gap.first.hex()[:8], gap.last.hex()[:8])
+        where = f"{gap.first.hex()[:8]}..{gap.last.hex()[:8]}"
+        if losses:
+            _log.warning("not all that was acknowledged in %s may be known: %s", where, "; ".join(map(_in_words, losses)))
+        else:
+            _log.info("all that was acknowledged in %s, in spaces with copies, is known", where)
         return True
+
+    def _losses(self, asking: Asking) -> list[Loss]:
+        parts, registry = self._parts, self._parts.cluster_log.registry
+        layouts = needed_of(parts.scenes.everyone(), len(registry.order))
+        return asking.roll.losses(parts.keeper.copies, layouts, registry)
+
+
+def _in_words(loss: Loss) -> str:
+    left = "one complete copy or more is left, and what was acknowledged last may be lost" if loss.is_left else "no complete copy is left"
+    names = ", ".join(address_of(member.node) for member in loss.removed)
+    return f"on {loss.share:.2%} of the line, in spaces with {loss.copies} copies, {left} (removed: {names})"
 
 
 def _apart(gaps: Sequence[Arc], taken: Iterable[Arc]) -> list[Arc]:

@@ -6,13 +6,16 @@ disk are strays. Who is removed need not be heard, but its leases must be over: 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc, Location
+from scenefold.base.placement import Layout
 from scenefold.crypto import object_of, version_key, wanted_place
+from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.entries import Entry
+from scenefold.peer.copies.entries import Entry, clipped
+from scenefold.peer.copies.losses import Loss, losses_in
 from scenefold.peer.copies.numbers import first_number
 from scenefold.store import Put
 from scenefold.wire import Member
@@ -67,6 +70,13 @@ class Roll:
         """What is known about copies once the gap is recovered; only when nobody is missing."""
         assert not self.missing()
         return copies.recover(self.gap, self._heard, self.number)
+
+    def losses(self, copies: Copies, layouts: Mapping[Layout, int], registry: Registry) -> list[Loss]:
+        """What may be lost for all that was heard; only when nobody is missing. `layouts`: of the known scenes, and what each asks of a write."""
+        assert not self.missing()
+        # What this node itself held there became its own, and no entry, when it adopted the gap.
+        heard = {**self._heard, copies.configurations.me: clipped(copies.formerly, self.gap)}
+        return losses_in(self.gap, layouts, heard, registry.is_lost, registry.lost)
 
 
 def husk_home(husk: Put) -> Location:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import trio
@@ -18,6 +19,7 @@ from scenefold.peer.replication.holding_custody import HoldingCustody
 from scenefold.peer.replication.holding_reads import HoldingReads
 from scenefold.peer.replication.holding_records import HoldingRecords
 from scenefold.peer.replication.looking import Looking
+from scenefold.peer.replication.noting import Noting
 from scenefold.peer.replication.owner_versions import OwnerVersions
 from scenefold.peer.replication.placing import Placing
 from scenefold.peer.replication.recovering import Recovering
@@ -30,8 +32,10 @@ from scenefold.peer.routing import Routing
 class Replication:
     """Used from the Trio thread only."""
 
-    def __init__(self, parts: Parts, roster: Roster, routing: Routing, gaps: Gaps) -> None:
-        """`parts`: those of the line, whose keeper has what is known about copies. `gaps`: what of the line has no owner."""
+    def __init__(
+        self, parts: Parts, roster: Roster, routing: Routing, gaps: Gaps, *, may_order: Callable[[str], bool] = lambda _user: True
+    ) -> None:
+        """`parts`: those of the line, whose keeper has what is known about copies. `gaps`: what of the line has no owner. `may_order`: whether a user may."""
         self._parts = parts
         self._roster = roster
         self._routing = routing
@@ -42,12 +46,13 @@ class Replication:
         self.comparing = Comparing(parts, roster, partial(self.spreading.merge, wait=False), self.placing.full.note)
         self._activating = Activating(parts)
         self.healing = Healing(parts, partial(self.spreading.merge, wait=False))
-        self.health = Health(parts, roster, self.placing, self.healing, lambda: self.comparing.left)
-        self.recovering = Recovering(parts)
+        self.noting = Noting(parts, may_order=may_order)
+        self.health = Health(parts, roster, self.placing, self.healing, lambda: self.comparing.left, self.noting.documents)
+        self.recovering = Recovering(parts, self.noting.note)
         self.recovering.doubt = self.spreading.doubt
         reads = HoldingReads(parts, OwnerVersions(parts, self.spreading, self.recovering))
         self._looking = Looking(parts, roster, partial(self.spreading.merge, wait=False))
-        self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), reads, self._looking)
+        self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), reads, self._looking, self.noting)
 
     def register(self, handlers: Handlers) -> None:
         """Answer what other nodes and users ask about copies."""
@@ -68,3 +73,4 @@ class Replication:
             nursery.start_soon(then, self.recovering.run)
             task_status.started()
             nursery.start_soon(then, self._looking.run)
+            nursery.start_soon(then, self.noting.run)

@@ -15,7 +15,8 @@ from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.balance import Joining, NodeDrained
-from scenefold.peer.balance.draining import DRAINED, LISTED
+from scenefold.peer.balance.draining import LISTED
+from scenefold.peer.cluster_log.registered import DRAINED
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.gaps import GAP_REST_S
 from scenefold.peer.membership.status import OwnStatus

@@ -1,0 +1,113 @@
+"""What may have been lost with nodes that were removed, by what all others hold of a gap (specs/20-copies.md, What is lost). Pure.
+
+Everything that lies on a registered node's disk is found by recovery, so nothing is lost but what lay on removed nodes alone. Whether that
+can be, the configurations tell: of the last one that counted there as many members must be gone as a write needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from scenefold.base.location import LINE_LENGTH, Arc, Location
+from scenefold.base.placement import Layout
+from scenefold.peer.copies.entries import Entry, clipped
+from scenefold.wire import Member
+
+LOSSES_MIN = 2
+"""Nodes. Who lets one disk be enough for a write is promised nothing if one is lost; that is said only if no complete copy is left."""
+REMOVED_MAX = 16
+"""Nodes that are named: the newest."""
+ARCS_MAX = 32
+"""Beyond it the last ones are named with all that lies between them: too much rather than too little."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """In these arcs, of spaces with so many copies. `is_left`: a complete copy is left, so only what was acknowledged last may be missing."""
+
+    copies: int
+    is_left: bool
+    removed: tuple[Member, ...]
+    """On whose disks it lay, as far as that is known; else who was removed."""
+    arcs: tuple[Arc, ...]
+
+    @property
+    def share(self) -> float:
+        """Of the line."""
+        return sum(arc.length for arc in self.arcs) / LINE_LENGTH
+
+
+def losses_in(
+    gap: Arc,
+    layouts: Mapping[Layout, int],
+    heard: Mapping[Member, Sequence[Entry]],
+    is_lost: Callable[[Member], bool],
+    lost: Sequence[Member],
+) -> list[Loss]:
+    """What may be lost of a gap once all were heard. `layouts`: of the known scenes, and what each asks of a write.
+
+    `heard`: by everybody who is registered, the asker included. `lost`: whoever was removed with what it had, the newest last.
+    """
+    met = {member: clipped(entries, gap) for member, entries in heard.items()}
+    told = {entry.layout for entries in met.values() for entry in entries}
+    found: dict[tuple[int, bool, tuple[Member, ...]], list[Arc]] = {}
+    for layout in sorted({*layouts, *told} - {()}):
+        here = {member: [entry for entry in entries if entry.layout == layout] for member, entries in met.items()}
+        for arc in _stretches(gap, [entry for entries in here.values() for entry in entries]):
+            stretch = {member: entry for member, entries in here.items() for entry in entries if arc.first in entry.arc}
+            verdict = _verdict(stretch, heard, layouts.get(layout), is_lost, lost)
+            if verdict is not None:
+                found.setdefault((1 + len(layout), *verdict), []).append(arc)
+    return [Loss(*about, arcs=_few(arcs)) for about, arcs in found.items()]
+
+
+def _verdict(
+    stretch: Mapping[Member, Entry],
+    heard: Mapping[Member, object],
+    needed: int | None,
+    is_lost: Callable[[Member], bool],
+    lost: Sequence[Member],
+) -> tuple[bool, tuple[Member, ...]] | None:
+    """Whether a complete copy is left, and who is gone; None if nothing can be lost."""
+    newest = max((entry for entry in stretch.values() if entry.whole), key=lambda entry: entry.number, default=None)
+    if newest is not None:
+        # What was being filled beside or behind it may have counted as well.
+        for entry in (newest, *(entry for entry in stretch.values() if entry.number > newest.number)):
+            gone = [member for member in entry.members if is_lost(member)]
+            if len(gone) >= max(LOSSES_MIN, entry.needed):
+                return True, _newest(gone, lost)
+        if all(member in stretch or member not in heard for member in newest.members[1:]):
+            return None
+        # A member holds nothing there any more: there was a later configuration, of which nobody has heard.
+    if needed is None and not stretch:
+        return None
+    if len(lost) < max(LOSSES_MIN, needed or LOSSES_MIN):
+        # So few cannot have been all that had anything.
+        return None
+    return newest is not None, tuple(lost[-REMOVED_MAX:])
+
+
+def _newest(gone: Sequence[Member], lost: Sequence[Member]) -> tuple[Member, ...]:
+    return tuple(member for member in lost if member in gone)
+
+
+def _stretches(gap: Arc, entries: Sequence[Entry]) -> list[Arc]:
+    """The gap, cut wherever an entry begins or ends."""
+    behind = (entry.arc.last.next() for entry in entries)
+    firsts = sorted(
+        {gap.first, *(entry.arc.first for entry in entries), *(first for first in behind if first is not None and first in gap)}
+    )
+    lasts = [*(Location.from_number(first.number - 1) for first in firsts[1:]), gap.last]
+    return [Arc(first, last) for first, last in zip(firsts, lasts, strict=True)]
+
+
+def _few(arcs: Sequence[Arc]) -> tuple[Arc, ...]:
+    joined: list[Arc] = []
+    for arc in sorted(arcs, key=lambda arc: arc.first):
+        if (joined and joined[-1].last.next() in (None, arc.first)) or (joined and arc.first in joined[-1]):
+            joined[-1] = Arc(joined[-1].first, max(arc.last, joined[-1].last))
+        else:
+            joined.append(arc)
+    first, rest = joined[: ARCS_MAX - 1], joined[ARCS_MAX - 1 :]
+    return (*first, Arc(rest[0].first, rest[-1].last)) if rest else tuple(first)
