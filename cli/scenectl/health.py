@@ -21,6 +21,7 @@ def health(
     prove: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     scene: SceneOption | None = None,
     rate: float | None = None,
+    acknowledge: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Show whether all records have their copies, what is wrong and what to do about it, and how long mending takes. Exit code 5 if the cluster is degraded.
@@ -39,14 +40,17 @@ def health(
         Prove the records of this scene only: its name, or its id.
     rate
         MiB that --prove reads in a second, at most; by default as fast as it goes.
+    acknowledge
+        You have seen what may be lost with nodes that were removed: it is said no longer. For administrators.
     """
     from scenectl.health_text import health_text, proof_text
     from scenectl.progress import Progress
     from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault
     from scenefold.client import Condition, Proof
+    from scenefold.client.copy_reports import LossReport
 
-    so_far = Proof()
+    so_far, seen = Proof(), list[LossReport]()
 
     speed = bytes_per_s(rate)
     if not prove and (scene is not None or rate is not None):
@@ -55,6 +59,10 @@ def health(
     async def look(progress: Progress) -> tuple[ClusterHealth, Proof | None]:
         async with connected(output.profile) as cluster:
             found = await cluster.health()
+            if acknowledge:
+                seen.extend(found.losses)
+                await cluster.acknowledge_losses(found)
+                found = await cluster.health() if seen else found
             return found, await cluster.prove(found, scene, progress, speed, so_far) if prove else None
 
     try:
@@ -65,8 +73,8 @@ def health(
             note(proof_text(so_far))
         raise
     is_degraded = found.condition is Condition.DEGRADED or (proof is not None and not proof.is_sound)
-    document = found.document() | {"proof": None if proof is None else proof.document()}
+    document = found.document() | {"proof": None if proof is None else proof.document(), "acknowledged": [loss.id for loss in seen]}
     if is_degraded:
         document["status"] = str(Condition.DEGRADED)
-    emit(output, document, health_text(found, proof) + ("" if proof is None else f"\n\n{proof_text(proof)}"))
+    emit(output, document, health_text(found, proof) + ("" if proof is None else f"\n\n{proof_text(proof, found.losses)}"))
     return DEGRADED if is_degraded else DONE

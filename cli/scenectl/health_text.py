@@ -8,7 +8,10 @@ from scenectl.cluster_text import arc_text
 from scenectl.output import and_text, size_text, table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from scenefold.client import ClusterHealth, NodeState, Proof
+    from scenefold.client.copy_reports import LossReport
     from scenefold.client.reports import KeptApart
 
 UNKNOWN = "?"
@@ -55,6 +58,8 @@ def _summary(found: ClusterHealth, proof: Proof | None) -> str:
         few = f"{short.told.possible} of {short.told.copies} copies"
         rest = "writes are refused where they need more" if short.forbids_writes else "nothing else is wrong"
         return f"{found.status.name}: degraded, {few}: {counted}; {rest}"
+    if degrading == {"lost"}:
+        return f"{found.status.name}: degraded: {counted}; others may be lost"
     seconds = found.seconds_to_health
     is_waiting = seconds is None and all(ailment.mends_itself for ailment in found.ailments)
     return f"{found.status.name}: {found.condition}: {counted}; {'it mends itself' if is_waiting else _time_text(seconds)}"
@@ -88,8 +93,8 @@ def _row(node: NodeState) -> tuple[object, ...]:
     )
 
 
-def proof_text(proof: Proof) -> str:
-    """What was read, how many copies were valid, and which were not."""
+def proof_text(proof: Proof, losses: Sequence[LossReport] = ()) -> str:
+    """What was read, how many copies were valid, and which were not. `losses`: of what may be lost nobody can list the records."""
     from scenefold.client.proof import NAMED_MAX, in_short
 
     lines = [
@@ -103,6 +108,13 @@ def proof_text(proof: Proof) -> str:
         lines.append(f"  not looked at: {arc_text(one.arc)}, which {one.address} owns{what}: {one.why}")
     if not proof.ended:
         lines.append("  interrupted: what comes behind that was not looked at, nor what seemed off for a second time")
+    if proof.is_sound and losses:
+        return "\n".join(
+            [
+                *lines,
+                "All copies of the records that there are are valid, and where they belong. Others may be lost, as said above: no proof finds these.",
+            ]
+        )
     if proof.is_sound:
         return "\n".join([*lines, "All copies of all records are valid, and where they belong."])
     counts = {"lost": proof.lost, "short of copies": proof.short, "with corrupt copies": proof.corrupt, "mis-placed": proof.mis_placed}

@@ -37,7 +37,7 @@ from scenefold.client.upkeep import Upkeep, UpkeepChanges, change_upkeep
 from scenefold.client.voters import Voters
 from scenefold.crypto import Card, MemberSecrets, PublicKey
 from scenefold.scene.log import Decider
-from scenefold.wire import BlacklistChanged, ChangeBlacklist, DrainNode, RequestReport, RespondTable, Status
+from scenefold.wire import AcknowledgeLosses, BlacklistChanged, ChangeBlacklist, DrainNode, LossesKept, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
 from scenefold.world import Links, Priority, World
 from scenefold.world.log_file import LogFile
@@ -113,6 +113,13 @@ class Cluster:
     async def health(self) -> ClusterHealth:
         """How it stands with the copies of all records, by what the nodes say of what they own. Unreachable if none answers."""
         return health_of(await self.status())
+
+    async def acknowledge_losses(self, health: ClusterHealth) -> None:
+        """Let no node tell any more what may be lost as `health` has it. For administrators. A node that does not answer goes on telling it."""
+        ids = tuple(bytes.fromhex(loss.id) for loss in health.losses)
+        for node in health.status.nodes if ids else ():
+            if node.alive:
+                await self.calls.ask(node.address, AcknowledgeLosses(ids), LossesKept, priority=Priority.HIGH)
 
     async def prove(
         self,

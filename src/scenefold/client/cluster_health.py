@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
-from scenefold.client.copy_reports import CopiesReport
+from scenefold.client.copy_reports import CopiesReport, LossReport
 from scenefold.client.health import ClusterStatus, NodeState, shortages
 from scenefold.client.own_warnings import strays_text
 from scenefold.client.reports import NodeReport, ScrubReport
@@ -99,6 +99,12 @@ class ClusterHealth:
         return sum(node.report.kept_apart.records for node in self.status.nodes if node.report is not None)
 
     @property
+    def losses(self) -> list[LossReport]:
+        """What may be lost and nobody has acknowledged yet: each once, however many nodes tell it, the oldest first."""
+        told = {loss.id: loss for copies in self.reports for loss in copies.lost}
+        return sorted(told.values(), key=lambda loss: (loss.noted_s, loss.id))
+
+    @property
     def seconds_to_health(self) -> float | None:
         """0 if nothing is wrong; None if somebody has to do something, or it is not known yet how much there is to be moved, or how fast."""
         if not self.ailments:
@@ -123,6 +129,7 @@ class ClusterHealth:
             "pending": self.pending,
             "unrecovered": self.unrecovered,
             "kept_apart": self.kept_apart,
+            "lost": [loss.document() for loss in self.losses],
             "seconds_to_health": self.seconds_to_health,
             "ailments": [ailment.document() for ailment in self.ailments],
         }
@@ -146,6 +153,7 @@ def health_of(status: ClusterStatus) -> ClusterHealth:
     found += [Ailment(_TOO_FEW, few.address, few.text, few.to_do) for few in shortages(status.nodes)]
     for node in status.nodes:
         found += [_held_up(ailment, node) for ailment in _of_node(node, silent, members)]
+    found += map(_lost, ClusterHealth(status, ()).losses)
     return ClusterHealth(status, tuple(sorted(found, key=lambda ailment: not ailment.degrades)))
 
 
@@ -161,6 +169,23 @@ _TO_DO = {
 _MENDS_ITSELF = frozenset({"handover"})
 _TOO_FEW = "too few nodes"
 _WAIT = "wait: what is missing is copied"
+
+
+_LOST = "lost"
+_BRING_BACK = (
+    "start these machines again with their disks, if there are any left: what they have they bring home; "
+    "else restore what is missing, and say that you have seen this: scenectl cluster health --acknowledge"
+)
+
+
+def _lost(loss: LossReport) -> Ailment:
+    what = "what was acknowledged last" if loss.complete_copy_left else "what was acknowledged"
+    left = "too few of those that held it were left" if loss.complete_copy_left else "no complete copy of it was left"
+    text = (
+        f"{loss.noted_by}: {what} on {loss.share:.2%} of the line in spaces with {loss.copies} copies may be lost: "
+        f"{left} when {_some(loss.removed)} had been removed"
+    )
+    return Ailment(_LOST, loss.noted_by, text, _BRING_BACK)
 
 
 _RESTS = frozenset({"under-copied", "mis-placed", "comparing", "placing", "forbidden"})

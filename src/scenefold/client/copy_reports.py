@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from scenefold.client.report_values import told_address, told_amount, told_count, told_seconds
+from scenefold.wire.loss_packets import LOSS_ID_BYTES
 
 LISTED_MAX = 64
 """No report names more of one kind."""
@@ -35,6 +37,29 @@ class ShortageReport:
     @property
     def forbids_writes(self) -> bool:
         return self.possible < self.needed
+
+
+@dataclass(frozen=True, slots=True)
+class LossReport:
+    """What may be lost with nodes that were removed, as one node noted it and all keep it until it is acknowledged."""
+
+    id: str
+    noted_by: str
+    """Address of the node that took the place over."""
+    noted_s: float
+    """Seconds since the epoch, on its clock."""
+    copies: int
+    """Of the spaces concerned."""
+    complete_copy_left: bool
+    """Only what was acknowledged last may be missing."""
+    share: float
+    """Of the line."""
+    removed: tuple[str, ...]
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        known = {"id": self.id, "noted_by": self.noted_by, "noted_s": self.noted_s, "copies": self.copies}
+        return {**known, "complete_copy_left": self.complete_copy_left, "share": self.share, "removed": list(self.removed)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +105,7 @@ class CopiesReport:
     repair: RepairReport
     full: tuple[str, ...] = ()
     """Nodes that had no room for copies of what it owns."""
+    lost: tuple[LossReport, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
@@ -115,8 +141,8 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
     if not found:
         return None
     owned, owed, repair, shortages, rotten = found["owned"], found["owed"], found["repair"], found["shortages"], found["rotten"]
-    full = found.get("full", ())
-    if max(map(len, (owed["nodes"], shortages, found["forbidden"]["nodes"], full))) > LISTED_MAX:
+    full, lost = found.get("full", ()), found.get("lost", ())
+    if max(map(len, (owed["nodes"], shortages, found["forbidden"]["nodes"], full, lost))) > LISTED_MAX:
         raise ValueError("more than a report names")
     return CopiesReport(
         owned=told_count(owned["records"]),
@@ -138,6 +164,7 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         unrecovered_share=told_amount(found["unrecovered"]["share"]),
         shortages=tuple(map(_shortage, shortages)),
         full=tuple(map(told_address, full)),
+        lost=tuple(map(_loss, lost)),
         repair=RepairReport(
             told_count(repair["segments"]),
             told_count(repair["records"]),
@@ -159,4 +186,21 @@ def _shortage(found: Mapping[str, Any]) -> ShortageReport:
         told_count(found["needed"]),
         told_count(found["possible"]),
         None if whose is None else told_address(whose),
+    )
+
+
+def _loss(found: Mapping[str, Any]) -> LossReport:
+    name, removed, is_left = found["id"], found["removed"], found["complete_copy_left"]
+    if not isinstance(name, str) or not re.fullmatch(f"[0-9a-f]{{{2 * LOSS_ID_BYTES}}}", name):
+        raise ValueError("not the id of a loss")
+    if not isinstance(is_left, bool) or len(removed) > LISTED_MAX:
+        raise ValueError("not a loss")
+    return LossReport(
+        id=name,
+        noted_by=told_address(found["noted_by"]),
+        noted_s=told_amount(found["noted_s"]),
+        copies=told_count(found["copies"]),
+        complete_copy_left=is_left,
+        share=told_amount(found["share"]),
+        removed=tuple(map(told_address, removed)),
     )

@@ -18,7 +18,7 @@ from scenefold.base.location import LINE_LENGTH
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.losses import Loss
 from scenefold.peer.copies.losses_note import NOTE, Losses, decode_losses, encode_losses, id_of
-from scenefold.peer.handlers import Handlers, Senders
+from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.line.parts import Parts
 from scenefold.wire import AcknowledgeLosses, LossesKept, Member, NotedLoss, TellLosses
 from scenefold.wire.copy_packets import Span
@@ -26,6 +26,8 @@ from scenefold.world import Priority, first_of
 
 TELL_AGAIN_S = 10.0
 """Between two tries to tell who has not heard of all that this node has noted."""
+TELL_S_MAX = 5.0
+"""Until one that does not answer is passed over."""
 
 _log = logging.getLogger("scenefold.peer.replication")
 
@@ -93,15 +95,14 @@ class Noting:
 
     async def _tell(self, member: Member, losses: Sequence[NotedLoss]) -> bool:
         try:
-            await self._parts.peers.ask(member.node, Priority.LOW, TellLosses(tuple(losses)), LossesKept)
+            await self._parts.peers.ask(member.node, Priority.LOW, TellLosses(tuple(losses)), LossesKept, TELL_S_MAX)
         except (Refused, Unreachable, PeerFault) as problem:
             _log.debug("%s does not hear what may be lost: %s", address_of(member.node), problem)
             return False
         return True
 
     async def _on_told(self, packet: TellLosses, peer: str) -> LossesKept:
-        teller = int(peer.removeprefix("node:"))
-        if any(loss.noted_by != teller for loss in packet.losses):
+        if any(loss.noted_by != node_of(peer) for loss in packet.losses):
             raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} tells what it has not noted itself")
         await self._change(lambda kept: kept.add(*packet.losses))
         return LossesKept(self._losses.ids)

@@ -42,7 +42,20 @@ ADOPTED_S = 60.0
 class Heir(Home):
     def others(self, world: World, line: Line) -> list[Any]:
         _, *others = super().others(world, line)
-        return [SimpleNamespace(register=self.replication.register, run=self.replication.recovering.run), *others]
+        replication = self.replication
+        noting = SimpleNamespace(register=lambda _handlers: None, run=self._note)
+        return [noting, SimpleNamespace(register=replication.register, run=replication.recovering.run), *others]
+
+    async def _note(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
+        noting = self.replication.noting
+        await noting.load()
+        task_status.started()
+        await noting.run()
+
+    @property
+    def noted(self) -> list[dict[str, Any]]:
+        """What it says may be lost."""
+        return self.replication.noting.documents()
 
     @property
     def gaps(self) -> tuple[Arc, ...]:

@@ -1,0 +1,107 @@
+"""If one fails, a cluster that has lost what it promised to keep calls itself healthy (specs/20-copies.md, What is lost)."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+import trio
+
+from scenefold.base.errors import Refused
+from scenefold.base.location import Arc
+from scenefold.peer.cluster_log.registered import DRAINED
+from scenefold.peer.copies.losses import Loss
+from scenefold.wire import AcknowledgeLosses, RemoveNode, TellLosses
+from unit.peer.replication.heirs import Estate, Heir, inherit, spread, until
+from unit.peer.replication.holders import arc_of
+
+pytestmark = pytest.mark.usefixtures("only_errors")
+
+
+async def recovered(estate: Estate, arc: Arc) -> Heir:
+    heir = await estate.adopted(arc)
+    await until(lambda: not heir.gaps)
+    return heir
+
+
+@pytest.mark.expect_log(
+    "not all that was acknowledged in .* may be known: .* no complete copy is left .removed: 127.0.0.3, 127.0.0.4, 127.0.0.5"
+)
+def test_who_adopts_what_was_held_by_none_but_the_removed_says_so_and_does_not_forget_it() -> None:
+    async def story(estate: Estate) -> None:
+        arc = await estate.entrust(2, 3)
+        gone = [estate.homes[number] for number in (1, 2, 3)]
+        await estate.bury(1, 2, 3)
+        heir = await recovered(estate, arc)
+        parts = [loss for loss in heir.noted if loss["arcs"] == [{"first": arc.first.hex(), "last": arc.last.hex()}]]
+        (found,) = parts or heir.noted
+        assert found["removed"] == [house.address for house in gone]
+        assert (found["copies"], found["complete_copy_left"], found["noted_by"]) == (3, False, heir.address)
+        assert found["share"] >= arc.length / 2**160 * 0.99
+        assert (await heir.replication.health.document())["lost"] == heir.noted
+        noted = heir.noted
+        heir.crash()
+        await heir.up.wait()
+        assert heir.noted == noted
+
+    logging.getLogger("scenefold.peer.replication").setLevel(logging.WARNING)
+    inherit(story, founders=6)
+
+
+@pytest.mark.expect_log("one complete copy or more is left, and what was acknowledged last may be lost")
+def test_where_one_copy_is_left_of_three_the_newest_may_be_lost() -> None:
+    async def story(estate: Estate) -> None:
+        arc = await estate.entrust(2, 3)
+        await estate.homes[3].keep(*spread(arc, 5))
+        await estate.bury(1, 2)
+        heir = await recovered(estate, arc)
+        about = [loss for loss in heir.noted if loss["complete_copy_left"]]
+        assert [loss["removed"] for loss in about] == [[estate.homes[1].address, estate.homes[2].address]]
+
+    inherit(story, founders=6)
+
+
+def test_one_that_is_lost_is_no_loss() -> None:
+    async def story(estate: Estate) -> None:
+        arc = await estate.entrust(2, 3)
+        await estate.bury(1)
+        assert (await recovered(estate, arc)).noted == []
+
+    inherit(story)
+
+
+def test_who_has_handed_over_everything_is_no_loss() -> None:
+    """Nor one where nobody was told yet to hold anything, as with a layout that has come in between."""
+
+    async def story(estate: Estate) -> None:
+        left = estate.homes[3]
+        left.stays_down, member = True, left.member
+        left.crash()
+        estate.log.say(RemoveNode(member, DRAINED))
+        arc = arc_of(estate.owner)
+        await estate.bury(1)
+        heir = await recovered(estate, arc)
+        assert heir.noted == []
+
+    inherit(story)
+
+
+def test_all_others_keep_it_until_it_is_acknowledged() -> None:
+    async def story(estate: Estate) -> None:
+        witness = estate.homes[0]
+        heir = estate.homes[2]
+        await heir.replication.noting.note([Loss(3, False, (estate.homes[4].member,), (arc_of(heir),))])
+        await until(lambda: all(home.noted == heir.noted for home in estate.homes))
+        told = TellLosses(tuple(heir.replication.noting.kept))
+        seen = AcknowledgeLosses((bytes.fromhex(heir.noted[0]["id"]),))
+        assert (await witness.asked(seen)).ids == ()
+        assert (await witness.asked(told, heir.node)).ids == (), "who has not heard of that brings it back to nobody"
+        with pytest.raises(Refused, match="not noted itself"):
+            await witness.asked(told, estate.homes[3].node)
+        assert heir.noted, "each is told"
+        witness.crash()
+        await witness.up.wait()
+        await trio.sleep(30.0)
+        assert witness.noted == []
+
+    inherit(story)
