@@ -32,6 +32,7 @@ from scenefold.simulation.leaving import drain
 from scenefold.simulation.log_drama import LogDrama
 from scenefold.simulation.logs import quiet_logs
 from scenefold.simulation.mutants import mutated
+from scenefold.simulation.noted import judge_notes
 from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.proof import prove_copies
 from scenefold.simulation.purging import Purges
@@ -216,6 +217,7 @@ class _Drama:
             if clients[0].scene is not None:
                 await prove_copies(cluster, clients[0].scene)
             judge_stores(cluster)
+            judge_notes(cluster)
         else:
             self._complain(cluster, unrest(cluster))
         if self._logs is not None:

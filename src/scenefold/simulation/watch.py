@@ -55,6 +55,8 @@ class Watch:
         self.reach = Reach()
         self.counts = Counter[str]()
         self.violations: list[Violation] = []
+        self.vanished: set[Place] = set()
+        """Where copies were to be, and what may have been told went with disks that are gone."""
         self.put_back: dict[int, bytes] = {}
         """The incarnation of the backup that each slot's disk was last put back to."""
         self.judged_at: dict[bytes, float] = {}
@@ -119,7 +121,9 @@ class Watch:
             self.put_back[slot] = backup
         counting = {other: self._sound(other, counted(disk, taken)) for other, disk in self._disks.items()}
         single = {place: version for place, version in before.items() if not self.keeping.has(place)}
-        losses = [*lost_by_change(single, counting, self._records()), *self.keeping.gone(slot, incarnation, before)]
+        gone = self.keeping.gone(slot, incarnation, before)
+        self.vanished.update(lost.place for lost in gone)
+        losses = [*lost_by_change(single, counting, self._records()), *gone]
         self._lost(losses, f"n{slot} {why}")
         self.homecoming.replaced(slot, before, counting)
         self.homecoming.owes(losses, counting)
@@ -192,6 +196,7 @@ class Watch:
         self.lineage.gone(Holder(slot, incarnation))
         if incarnation == incarnation_of(self._disks[slot]):
             losses = self.keeping.gone(slot, incarnation, self.records(slot))
+            self.vanished.update(lost.place for lost in losses)
             self._lost(losses, f"n{slot} is removed")
             self.homecoming.owes(losses, {other: counted(disk) for other, disk in self._disks.items()} if losses else {})
 

@@ -9,7 +9,7 @@ from scenectl.health_text import health_text, proof_text
 from scenefold.base.ids import NodeId, SpaceId, node_id_of
 from scenefold.base.location import FIRST, WHOLE_LINE
 from scenefold.client.proof import Finding, Proof, Unlisted, Verdict
-from unit.client.test_cluster_health import FEW, FILLING, LACKING, copies, health, nodes
+from unit.client.test_cluster_health import FEW, FILLING, LACKING, LOSS, copies, health, nodes
 from unit.client.test_health import ADDRESSES, arc, missing, node
 
 
@@ -105,3 +105,13 @@ def test_an_interrupted_proof_proves_nothing_of_the_rest() -> None:
     proof.add(finding(Verdict.VALID, Verdict.VALID, Verdict.VALID))
     assert not proof.is_sound and not proof.document()["complete"]
     assert "interrupted" in proof_text(proof) and "All copies" not in proof_text(proof)
+
+
+def test_a_proof_does_not_say_that_all_is_well_where_something_may_be_lost() -> None:
+    found = health(*nodes(copies(lost=[LOSS])))
+    text = health_text(found)
+    assert text.splitlines()[0] == "studio: degraded: 360 records, 300 of them in spaces with copies; others may be lost"
+    assert "--acknowledge" in text.splitlines()[-1]
+    whole = Proof(ended=True)
+    assert proof_text(whole).endswith("All copies of all records are valid, and where they belong.")
+    assert "Others may be lost" in proof_text(whole, found.losses).splitlines()[-1]

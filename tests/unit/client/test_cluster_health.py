@@ -269,3 +269,42 @@ def test_a_node_that_says_nothing_of_copies_degrades() -> None:
 def test_nonsense_of_a_node_is_no_report(nonsense: dict[str, Any]) -> None:
     with pytest.raises(PeerFault):
         report(ADDRESSES[0], arc(0, 1), copies=copies(**nonsense))
+
+
+LOSS = {
+    "id": "0f" * 16,
+    "noted_by": ADDRESSES[0],
+    "noted_s": 1_800_000_000.0,
+    "copies": 3,
+    "complete_copy_left": False,
+    "share": 0.125,
+    "removed": ["127.0.0.8", "127.0.0.9"],
+    "arcs": [],
+}
+
+
+def test_what_may_be_lost_degrades_until_it_is_acknowledged_and_is_told_once() -> None:
+    first, second, third = (
+        node(address, piece, copies=copies(lost=[LOSS]))
+        for address, piece in zip(ADDRESSES, (arc(0, 0.25), arc(0.25, 0.5), arc(0.5, 1)), strict=True)
+    )
+    found = health(first, second, third)
+    assert (found.condition, found.seconds_to_health, kinds(found)) == (Condition.DEGRADED, None, ["lost"])
+    (ailment,) = found.ailments
+    assert ailment.address == ADDRESSES[0] and not ailment.mends_itself
+    assert (
+        "12.50% of the line" in ailment.text
+        and "no complete copy of it was left" in ailment.text
+        and "127.0.0.8, 127.0.0.9" in ailment.text
+    )
+    assert "with their disks" in ailment.to_do and "--acknowledge" in ailment.to_do
+    (told,) = found.document()["lost"]
+    assert told == {key: value for key, value in LOSS.items() if key != "arcs"}
+    (less,) = health(*nodes(copies(lost=[{**LOSS, "complete_copy_left": True}]))).ailments
+    assert "what was acknowledged last" in less.text
+
+
+@pytest.mark.parametrize("wrong", [{"id": "0"}, {"id": 7}, {"share": "much"}, {"removed": ["x"]}, {"complete_copy_left": 1}])
+def test_a_loss_that_makes_no_sense_is_no_report(wrong: dict[str, Any]) -> None:
+    with pytest.raises((PeerFault, ValueError, TypeError)):
+        nodes(copies(lost=[{**LOSS, **wrong}]))

@@ -39,6 +39,7 @@ class Loss:
 
 
 def losses_in(
+    me: Member,
     gap: Arc,
     layouts: Mapping[Layout, int],
     heard: Mapping[Member, Sequence[Entry]],
@@ -47,7 +48,7 @@ def losses_in(
 ) -> list[Loss]:
     """What may be lost of a gap once all were heard. `layouts`: of the known scenes, and what each asks of a write.
 
-    `heard`: by everybody who is registered, the asker included. `lost`: whoever was removed with what it had, the newest last.
+    `heard`: by everybody who is registered, the asker `me` included, of whose entries not all are known any more. `lost`: whoever was removed with what it had, the newest last.
     """
     met = {member: clipped(entries, gap) for member, entries in heard.items()}
     told = {entry.layout for entries in met.values() for entry in entries}
@@ -56,13 +57,14 @@ def losses_in(
         here = {member: [entry for entry in entries if entry.layout == layout] for member, entries in met.items()}
         for arc in _stretches(gap, [entry for entries in here.values() for entry in entries]):
             stretch = {member: entry for member, entries in here.items() for entry in entries if arc.first in entry.arc}
-            verdict = _verdict(stretch, heard, layouts.get(layout), is_lost, lost)
+            verdict = _verdict(me, stretch, heard, layouts.get(layout), is_lost, lost)
             if verdict is not None:
                 found.setdefault((1 + len(layout), *verdict), []).append(arc)
     return [Loss(*about, arcs=_few(arcs)) for about, arcs in found.items()]
 
 
 def _verdict(
+    me: Member,
     stretch: Mapping[Member, Entry],
     heard: Mapping[Member, object],
     needed: int | None,
@@ -77,7 +79,7 @@ def _verdict(
             gone = [member for member in entry.members if is_lost(member)]
             if len(gone) >= max(LOSSES_MIN, entry.needed):
                 return True, _newest(gone, lost)
-        if all(member in stretch or member not in heard for member in newest.members[1:]):
+        if all(member in stretch or member not in heard for member in newest.members[1:] if member != me):
             return None
         # A member holds nothing there any more: there was a later configuration, of which nobody has heard.
     if needed is None and not stretch:

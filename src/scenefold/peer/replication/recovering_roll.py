@@ -75,8 +75,9 @@ class Roll:
         """What may be lost for all that was heard; only when nobody is missing. `layouts`: of the known scenes, and what each asks of a write."""
         assert not self.missing()
         # What this node itself held there became its own, and no entry, when it adopted the gap.
-        heard = {**self._heard, copies.configurations.me: clipped(copies.formerly, self.gap)}
-        return losses_in(self.gap, layouts, heard, registry.is_lost, registry.lost)
+        me = copies.configurations.me
+        heard = {**self._heard, me: clipped(copies.formerly, self.gap)}
+        return losses_in(me, self.gap, layouts, heard, registry.is_lost, registry.lost)
 
 
 def husk_home(husk: Put) -> Location:

@@ -29,7 +29,7 @@ def lost(
     told: Mapping[Member, Sequence[Entry]], *gone: Member, silent: Sequence[Member] = (C, D), asked: dict = ASKED, gap: Arc = GAP
 ) -> list[Loss]:
     heard = {**{member: () for member in silent if member not in gone}, **told}
-    return losses_in(gap, asked, heard, gone.__contains__, gone)
+    return losses_in(Q, gap, asked, heard, gone.__contains__, gone)
 
 
 def test_one_that_is_lost_takes_nothing_along() -> None:
@@ -64,6 +64,7 @@ def test_who_was_being_filled_has_not_all() -> None:
 def test_a_configuration_that_nobody_has_heard_of_may_have_counted() -> None:
     """A, who was a member, holds nothing any more: so there was another one since, and all of that may be gone."""
     stale = entry([P, A, B])
+    assert lost({B: [entry([P, Q, B])], Q: ()}, P, C, D) == [], "of its own entries of before who asks may not know all"
     assert lost({B: [stale], A: ()}, P, C, D) == [Loss(3, True, (P, C, D), (GAP,))]
 
 
