@@ -43,7 +43,7 @@ def health(
     acknowledge
         You have seen what may be lost with nodes that were removed: it is said no longer. For administrators.
     """
-    from scenectl.health_text import health_text, proof_text
+    from scenectl.health_text import health_text, proof_text, seen_text
     from scenectl.progress import Progress
     from scenectl.running import connected, run
     from scenefold.base.errors import UsageFault
@@ -76,5 +76,7 @@ def health(
     document = found.document() | {"proof": None if proof is None else proof.document(), "acknowledged": [loss.id for loss in seen]}
     if is_degraded:
         document["status"] = str(Condition.DEGRADED)
-    emit(output, document, health_text(found, proof) + ("" if proof is None else f"\n\n{proof_text(proof, found.losses)}"))
+    emit(
+        output, document, health_text(found, proof) + seen_text(seen) + ("" if proof is None else f"\n\n{proof_text(proof, found.losses)}")
+    )
     return DEGRADED if is_degraded else DONE

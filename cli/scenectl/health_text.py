@@ -40,6 +40,12 @@ def health_text(found: ClusterHealth, proof: Proof | None = None) -> str:
     return "\n".join([*parts, *(["", *notes] if notes else [])])
 
 
+def seen_text(losses: Sequence[LossReport]) -> str:
+    """Which losses were acknowledged just now."""
+    lines = [f"acknowledged: what {loss.noted_by} noted, on {loss.share:.2%} of the line" for loss in losses]
+    return "\n".join(["", "", *lines]) if lines else ""
+
+
 def _apart(address: str, apart: KeptApart) -> str:
     scenes = ", ".join(f"{scene} ({count:,})" for scene, count in apart.scenes)
     return f"{address} keeps {apart.records:,} records apart, since it was away while deletions were purged: of scenes {scenes}"

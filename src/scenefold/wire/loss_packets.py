@@ -14,7 +14,7 @@ from scenefold.wire.kinds import Bin, Uint
 from scenefold.wire.members import MEMBER, Member
 
 LOSSES_KEPT_MAX = 64
-"""By one node. There are as many only where nodes are lost again and again and nobody looks; then the newest go."""
+"""By one node. There are as many only where nodes are lost again and again and nobody looks."""
 LOSS_NODES_MAX = 16
 LOSS_ARCS_MAX = 32
 LOSS_ID_BYTES = 16

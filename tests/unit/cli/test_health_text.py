@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from scenectl.health_text import health_text, proof_text
+from scenectl.health_text import health_text, proof_text, seen_text
 from scenefold.base.ids import NodeId, SpaceId, node_id_of
 from scenefold.base.location import FIRST, WHOLE_LINE
 from scenefold.client.proof import Finding, Proof, Unlisted, Verdict
@@ -112,6 +112,7 @@ def test_a_proof_does_not_say_that_all_is_well_where_something_may_be_lost() -> 
     text = health_text(found)
     assert text.splitlines()[0] == "studio: degraded: 360 records, 300 of them in spaces with copies; others may be lost"
     assert "--acknowledge" in text.splitlines()[-1]
+    assert seen_text(found.losses).endswith("acknowledged: what 127.0.0.2 noted, on 12.50% of the line") and seen_text([]) == ""
     whole = Proof(ended=True)
     assert proof_text(whole).endswith("All copies of all records are valid, and where they belong.")
     assert "Others may be lost" in proof_text(whole, found.losses).splitlines()[-1]

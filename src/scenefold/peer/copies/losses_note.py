@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
@@ -36,12 +37,16 @@ class Losses:
         return tuple(map(id_of, self.kept))
 
     def add(self, *losses: NotedLoss) -> Losses:
-        """With those that are not known yet, and that nobody has acknowledged here."""
+        """With those that are not known yet, and that nobody has acknowledged here. Where there are too many, whoever notes most has the fewest kept."""
         found = {id_of(loss): loss for loss in self.kept}
         for loss in losses:
-            if len(found) < LOSSES_KEPT_MAX and (name := id_of(loss)) not in self.acknowledged:
-                found.setdefault(name, loss)
-        return self if len(found) == len(self.kept) else Losses(tuple(found.values()), self.acknowledged)
+            name = id_of(loss)
+            if name not in found and name not in self.acknowledged:
+                found[name] = loss
+                if len(found) > LOSSES_KEPT_MAX:
+                    most = Counter(one.noted_by for one in found.values()).most_common(1)[0][0]
+                    del found[next(name for name in reversed(found) if found[name].noted_by == most)]
+        return self if tuple(found.values()) == self.kept else Losses(tuple(found.values()), self.acknowledged)
 
     def acknowledge(self, ids: tuple[bytes, ...]) -> Losses:
         """Without these, also if they are told again."""

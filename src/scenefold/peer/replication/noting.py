@@ -134,5 +134,4 @@ def _document(loss: NotedLoss) -> dict[str, Any]:
         "complete_copy_left": loss.is_left,
         "share": sum(span.arc.length for span in loss.arcs) / LINE_LENGTH,
         "removed": [address_of(member.node) for member in loss.removed],
-        "arcs": [{"first": span.first.hex(), "last": span.last.hex()} for span in loss.arcs],
     }

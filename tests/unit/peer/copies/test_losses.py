@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -98,6 +99,10 @@ def test_what_is_kept_is_acknowledged_once_for_all() -> None:
 
 
 def test_what_is_kept_has_bounds() -> None:
+    crowded = Losses().add(*(replace(noted(1), copies=copies, removed=(P,) * many) for copies in range(2, 9) for many in range(17)))
+    assert len(crowded.kept) == LOSSES_KEPT_MAX and crowded.add(noted(2)).kept == (*crowded.kept[:-1], noted(2)), (
+        "whoever notes most gives way"
+    )
     losses = Losses().add(*map(noted, range(100)))
     assert len(losses.kept) == LOSSES_KEPT_MAX and losses.kept[0] == noted(0)
     seen = losses.acknowledge(tuple(number.to_bytes(16, "big") for number in range(300)))
