@@ -66,6 +66,27 @@ async def test_copies_are_proved_and_missed_as_soon_as_a_node_is_gone(tmp_path: 
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+async def test_more_are_lost_at_once_than_copies_can_bear_and_that_is_said_until_it_is_acknowledged(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 5, options=("--remove-after", "13")) as living:
+        await living.at_rest(5)
+        scene = await living.cluster.scenes.open("kept")
+        await Kept(await scene.create_space("shelf", copies=3, copies_min=2)).put_evenly(RECORDS, 2_000)
+        await until(living, lambda health: health.condition is Condition.HEALTHY)
+        gone = living.nodes.addresses[-2:]
+        for address in gone:
+            await living.nodes.kill(address)
+        await until(living, lambda health: bool(health.losses) and {one.kind for one in health.ailments if one.degrades} == {"lost"})
+        lost = await verb(living, "--prove")
+        assert (lost.code, lost.json["status"], lost.json["proof"]["sound"]) == (5, "degraded", True)
+        assert all({*loss["removed"]} <= {*gone} for loss in lost.json["lost"])
+        assert 0 < sum(loss["share"] for loss in lost.json["lost"]) < 1
+        seen = await verb(living, "--acknowledge")
+        assert (seen.code, seen.json["lost"]) == (0, [])
+        assert seen.json["acknowledged"] == [loss["id"] for loss in lost.json["lost"]]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
 async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_and_go(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 1, spares=2) as living:
         scene = await living.cluster.scenes.create("own")

@@ -44,7 +44,8 @@ class Losses:
             if name not in found and name not in self.acknowledged:
                 found[name] = loss
                 if len(found) > LOSSES_KEPT_MAX:
-                    most = Counter(one.noted_by for one in found.values()).most_common(1)[0][0]
+                    counts = Counter(one.noted_by for one in found.values())
+                    most = max(counts, key=lambda node: (counts[node], node == loss.noted_by))
                     del found[next(name for name in reversed(found) if found[name].noted_by == most)]
         return self if tuple(found.values()) == self.kept else Losses(tuple(found.values()), self.acknowledged)
 
