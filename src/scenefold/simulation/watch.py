@@ -56,7 +56,7 @@ class Watch:
         self.counts = Counter[str]()
         self.violations: list[Violation] = []
         self.vanished: set[Place] = set()
-        """Where copies were to be, and what may have been told went with disks that are gone."""
+        """Where copies were to be, and what may have been told went with its owner and other disks."""
         self.put_back: dict[int, bytes] = {}
         """The incarnation of the backup that each slot's disk was last put back to."""
         self.judged_at: dict[bytes, float] = {}
@@ -122,7 +122,7 @@ class Watch:
         counting = {other: self._sound(other, counted(disk, taken)) for other, disk in self._disks.items()}
         single = {place: version for place, version in before.items() if not self.keeping.has(place)}
         gone = self.keeping.gone(slot, incarnation, before)
-        self.vanished.update(lost.place for lost in gone)
+        self._vanish(slot, gone)
         losses = [*lost_by_change(single, counting, self._records()), *gone]
         self._lost(losses, f"n{slot} {why}")
         self.homecoming.replaced(slot, before, counting)
@@ -170,6 +170,10 @@ class Watch:
         if rotten != self.recorder.damaged:
             self.recorder.now_damaged(rotten)
 
+    def _vanish(self, slot: int, losses: Iterable[Lost]) -> None:
+        """A disk is gone. Where the owner is there, what it has not was never acknowledged by it, however many others had it."""
+        self.vanished.update(lost.place for lost in losses if self._owner_of(lost.place.home) in (None, slot))
+
     def _lost(self, losses: Iterable[Lost], why: str) -> None:
         for place, left, best, or_nothing in losses:
             self.recorder.histories.add(place, Loss(self.recorder.histories.moment(), left, why, self._now(), best, or_nothing))
@@ -196,7 +200,7 @@ class Watch:
         self.lineage.gone(Holder(slot, incarnation))
         if incarnation == incarnation_of(self._disks[slot]):
             losses = self.keeping.gone(slot, incarnation, self.records(slot))
-            self.vanished.update(lost.place for lost in losses)
+            self._vanish(slot, losses)
             self._lost(losses, f"n{slot} is removed")
             self.homecoming.owes(losses, {other: counted(disk) for other, disk in self._disks.items()} if losses else {})
 
