@@ -239,6 +239,10 @@ class Keeping:
         self._gone.add(holder)
         return self._witnessed(slot, {place: version for place, version in before.items() if self.has(place)})
 
+    def is_gone(self, holder: Holder) -> bool:
+        """Whether that disk is."""
+        return holder in self._gone
+
     def rotted(self, slot: int, place: Place, version: Version | None) -> list[Lost]:
         """One copy cannot be read any more."""
         if not self.has(place) or version is None:

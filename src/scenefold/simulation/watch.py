@@ -122,7 +122,7 @@ class Watch:
         counting = {other: self._sound(other, counted(disk, taken)) for other, disk in self._disks.items()}
         single = {place: version for place, version in before.items() if not self.keeping.has(place)}
         gone = self.keeping.gone(slot, incarnation, before)
-        self._vanish(slot, gone)
+        self._vanish(gone)
         losses = [*lost_by_change(single, counting, self._records()), *gone]
         self._lost(losses, f"n{slot} {why}")
         self.homecoming.replaced(slot, before, counting)
@@ -170,9 +170,12 @@ class Watch:
         if rotten != self.recorder.damaged:
             self.recorder.now_damaged(rotten)
 
-    def _vanish(self, slot: int, losses: Iterable[Lost]) -> None:
-        """A disk is gone. Where the owner is there, what it has not was never acknowledged by it, however many others had it."""
-        self.vanished.update(lost.place for lost in losses if self._owner_of(lost.place.home) in (None, slot))
+    def _vanish(self, losses: Iterable[Lost]) -> None:
+        """A disk is gone. Where the owner's is there, what it has not was never acknowledged by it, however many others had it."""
+        for lost in losses:
+            owner = self.lineage.holder_of(lost.place.home).holder
+            if owner is None or self.keeping.is_gone(owner):
+                self.vanished.add(lost.place)
 
     def _lost(self, losses: Iterable[Lost], why: str) -> None:
         for place, left, best, or_nothing in losses:
@@ -200,7 +203,7 @@ class Watch:
         self.lineage.gone(Holder(slot, incarnation))
         if incarnation == incarnation_of(self._disks[slot]):
             losses = self.keeping.gone(slot, incarnation, self.records(slot))
-            self._vanish(slot, losses)
+            self._vanish(losses)
             self._lost(losses, f"n{slot} is removed")
             self.homecoming.owes(losses, {other: counted(disk) for other, disk in self._disks.items()} if losses else {})
 
