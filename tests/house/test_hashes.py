@@ -20,6 +20,7 @@ DIGESTS = {
     "scenefold.client.scene_memory": "keeps which header was met",
     "scenefold.client.tombstones": "the mark of a deleted record, a constant",
     "scenefold.peer.cluster_log.log_voter": "ids of entries that are proposed again",
+    "scenefold.peer.copies.losses_note": "ids of what may have been lost",
     "scenefold.render.image_files": "names an image by its pixels",
     "scenefold.render.passes": "names a path by job and number",
     "scenefold.scene.archive": "finds what was changed in a file that everybody may read",

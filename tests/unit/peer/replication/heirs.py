@@ -47,10 +47,8 @@ class Heir(Home):
         return [noting, SimpleNamespace(register=replication.register, run=replication.recovering.run), *others]
 
     async def _note(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
-        noting = self.replication.noting
-        await noting.load()
+        await self.replication.noting.load()
         task_status.started()
-        await noting.run()
 
     @property
     def noted(self) -> list[dict[str, Any]]:

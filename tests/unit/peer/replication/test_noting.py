@@ -91,7 +91,10 @@ def test_all_others_keep_it_until_it_is_acknowledged() -> None:
         witness = estate.homes[0]
         heir = estate.homes[2]
         await heir.replication.noting.note([Loss(3, False, (estate.homes[4].member,), (arc_of(heir),))])
-        await until(lambda: all(home.noted == heir.noted for home in estate.homes))
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(heir.replication.noting.run)
+            await until(lambda: all(home.noted == heir.noted for home in estate.homes))
+            nursery.cancel_scope.cancel()
         told = TellLosses(tuple(heir.replication.noting.kept))
         seen = AcknowledgeLosses((bytes.fromhex(heir.noted[0]["id"]),))
         assert (await witness.asked(seen)).ids == ()
@@ -101,7 +104,6 @@ def test_all_others_keep_it_until_it_is_acknowledged() -> None:
         assert heir.noted, "each is told"
         witness.crash()
         await witness.up.wait()
-        await trio.sleep(30.0)
         assert witness.noted == []
 
     inherit(story)
