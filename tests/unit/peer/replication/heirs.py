@@ -42,13 +42,7 @@ ADOPTED_S = 60.0
 class Heir(Home):
     def others(self, world: World, line: Line) -> list[Any]:
         _, *others = super().others(world, line)
-        replication = self.replication
-        noting = SimpleNamespace(register=lambda _handlers: None, run=self._note)
-        return [noting, SimpleNamespace(register=replication.register, run=replication.recovering.run), *others]
-
-    async def _note(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
-        await self.replication.noting.load()
-        task_status.started()
+        return [SimpleNamespace(register=self.replication.register, run=self.replication.recovering.run), *others]
 
     @property
     def noted(self) -> list[dict[str, Any]]:

@@ -42,6 +42,7 @@ def test_who_adopts_what_was_held_by_none_but_the_removed_says_so_and_does_not_f
         noted = heir.noted
         heir.crash()
         await heir.up.wait()
+        await heir.replication.noting.load()
         assert heir.noted == noted
 
     logging.getLogger("scenefold.peer.replication").setLevel(logging.WARNING)
@@ -104,6 +105,7 @@ def test_all_others_keep_it_until_it_is_acknowledged() -> None:
         assert heir.noted, "each is told"
         witness.crash()
         await witness.up.wait()
+        await witness.replication.noting.load()
         assert witness.noted == []
 
     inherit(story)
