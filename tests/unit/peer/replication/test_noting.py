@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 
 import pytest
 import trio
@@ -18,12 +19,23 @@ from unit.peer.replication.holders import arc_of
 pytestmark = pytest.mark.usefixtures("only_errors")
 
 
+@pytest.fixture
+def warned() -> Iterator[None]:
+    """What recovery warns of is of interest here."""
+    log = logging.getLogger("scenefold.peer.replication")
+    before = log.level
+    log.setLevel(logging.WARNING)
+    yield
+    log.setLevel(before)
+
+
 async def recovered(estate: Estate, arc: Arc) -> Heir:
     heir = await estate.adopted(arc)
     await until(lambda: not heir.gaps)
     return heir
 
 
+@pytest.mark.usefixtures("warned")
 @pytest.mark.expect_log(
     "not all that was acknowledged in .* may be known: .* no complete copy is left .removed: 127.0.0.3, 127.0.0.4, 127.0.0.5"
 )
@@ -41,14 +53,15 @@ def test_who_adopts_what_was_held_by_none_but_the_removed_says_so_and_does_not_f
         assert (await heir.replication.health.document())["lost"] == heir.noted
         noted = heir.noted
         heir.crash()
+        await trio.sleep(5.0)
         await heir.up.wait()
         await heir.replication.noting.load()
         assert heir.noted == noted
 
-    logging.getLogger("scenefold.peer.replication").setLevel(logging.WARNING)
     inherit(story, founders=6)
 
 
+@pytest.mark.usefixtures("warned")
 @pytest.mark.expect_log("one complete copy or more is left, and what was acknowledged last may be lost")
 def test_where_one_copy_is_left_of_three_the_newest_may_be_lost() -> None:
     async def story(estate: Estate) -> None:
@@ -104,6 +117,7 @@ def test_all_others_keep_it_until_it_is_acknowledged() -> None:
             await witness.asked(told, estate.homes[3].node)
         assert heir.noted, "each is told"
         witness.crash()
+        await trio.sleep(5.0)
         await witness.up.wait()
         await witness.replication.noting.load()
         assert witness.noted == []
