@@ -94,6 +94,7 @@ def test_as_many_as_a_write_needs_are_completed_and_no_more() -> None:
         await until(lambda: is_settled(first))
         assert all(len(holders) == 2 for holders in with_new_holders(terrace, first, spots).values())
 
+    # Both comparisons are begun; by this seed one is complete before the other, which is broken off then. Where both end at once both count.
     played(main, homes=5, seed=17)
 
 
@@ -121,4 +122,4 @@ def test_what_is_under_way_is_broken_off_and_what_came_stays() -> None:
         rest(first, rests=False)
         await until(lambda: is_settled(first) and lies_with_all(terrace, first, spots))
 
-    played(main, seed=5)
+    played(main, seed=3)
