@@ -14,8 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.errors import LocalFault, NotReached, PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import CLIENT_AUTHOR_S, CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.client.doubt import Doubt
@@ -53,6 +53,17 @@ class Standing:
         return {"outcome": outcome, "position": self.position, "known_position": self.known}
 
 
+class _VoterAway(NotReached):
+    """The one node that decides where scenes begin."""
+
+
+def _voter_is_away(voter: NodeId) -> _VoterAway:
+    what = "no scene can be made while the cluster's first voter is away, and it does not answer: nothing was made"
+    return _VoterAway(
+        what, where=address_of(voter), remedy="start that node, and create the scene again; the scenes that there are can be used"
+    )
+
+
 class LogAccess(LogReading):
     """What is read, and what is proposed."""
 
@@ -61,7 +72,7 @@ class LogAccess(LogReading):
 
         `request_id`: of an entry that was proposed before, and may be in the log: it will be there once. `forced`: it is a change of the mode, and
         goes in whomever it does not suit. LocalFault if the entry does not fit,
-        or we are no owner; Refused if it did not go in; Unreachable, with words, if nobody knows.
+        or we are no owner; Refused if it did not go in, or (9) the mode forbids it; Unreachable, with words, if nobody knows.
         """
         secrets = await self.owner()
         may_go_on = request_id is None and self._was_alone
@@ -190,7 +201,7 @@ class LogAccess(LogReading):
     async def announce(self, header: SceneLogPublic, private: bytes) -> SceneLogPublic:
         """Propose a first header with its sealed log; again is the same. Gives the header as it was decided.
 
-        Refused with the reason of the node that decides; Unreachable, with words if it is not known whether the scene is made.
+        Refused with the reason of the node that decides; Unreachable if that is away, with words if it is not known whether the scene is made.
         """
         remedy = "create it again: its keys are kept, and if it is there you are told so"
         doubt = self._doubt("the creation of the scene", lambda _: remedy)
@@ -200,10 +211,20 @@ class LogAccess(LogReading):
             outcome = await offered(self._calls, packet, doubt)
             if isinstance(outcome, SceneLogPublic):
                 return outcome
+            if outcome.reason is RejectReason.PEER_MISSED:
+                raise _voter_is_away(outcome.by)
             raise refusal_of(*outcome, name=self._name)
 
         with doubt.no_refusal():
-            return await self._calls.of_any(offer)
+            try:
+                return await self._calls.of_any(offer)
+            except Unreachable as problem:
+                away = problem.__cause__
+                if not isinstance(away, _VoterAway):
+                    raise
+                if header.position in doubt:
+                    raise Refused(RejectReason.PEER_MISSED, away.what, where=away.where, remedy=away.remedy) from away
+                raise away from None
 
     def _refusal(self, rejected: Rejected, before: SceneLogPublic, *, is_question: bool = False) -> Refused:
         nodes = [entry.member.node for entry in before.participants]
@@ -230,5 +251,7 @@ class LogAccess(LogReading):
             record.encode()
             return follow(before.header, before.log, record, self.keys, author, self._calls.world.entropy.token)
         except Refused as refusal:
+            if refusal.reason is RejectReason.MODE_FORBIDS:
+                raise Refused(refusal.reason, refusal.what, where=f"scene {self._name}", remedy=refusal.remedy) from refusal
             remedy = refusal.remedy or "`scenectl space list` and `scenectl scene access` show what there is"
             raise LocalFault(refusal.what, where=f"scene {self._name}", remedy=remedy) from refusal

@@ -9,8 +9,8 @@ import pytest
 import trio
 from trio.testing import MockClock
 
-from scenefold.base.errors import LocalFault, Refused, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.errors import LocalFault, NotReached, Refused, Unreachable
+from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.limits import CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
@@ -242,6 +242,29 @@ async def test_the_keys_of_a_scene_that_may_be_there_are_kept(autojump_clock: Mo
     assert (await scenes_of(nodes, tmp_path).open("kitchen")).name == "kitchen"
     with pytest.raises(LocalFault, match="exists already"):
         await scenes_of(nodes, tmp_path).create("kitchen")
+
+
+@pytest.mark.parametrize("was_sent", [False, True])
+async def test_while_the_first_voter_is_away_no_scene_is_made_and_nobody_doubts_that(
+    autojump_clock: MockClock, tmp_path: Path, was_sent: bool
+) -> None:
+    nodes, left = Nodes(), [was_sent]
+
+    def away(address: str, packet: ProposeSceneLog) -> Packet:
+        if address == KEEPER and left.pop() if left else False:
+            raise Unreachable("no answer in time", where=address)
+        if address == KEEPER:
+            raise NotReached("Connection refused", where=address)
+        return RejectSceneProposal(RejectReason.PEER_MISSED, node_id_of(KEEPER))
+
+    nodes.offered = away
+    began = autojump_clock.current_time()
+    words = "may have happened.*first voter is away" if was_sent else "^no scene can be made while the cluster's first voter is away"
+    with pytest.raises(Unreachable, match=words) as told:
+        await scenes_of(nodes, tmp_path).create("kitchen")
+    assert (told.value.where == KEEPER) is not was_sent and autojump_clock.current_time() - began < 15.0
+    nodes.offered = None
+    assert (await scenes_of(nodes, tmp_path).create("kitchen")).name == "kitchen"
 
 
 @pytest.mark.parametrize(

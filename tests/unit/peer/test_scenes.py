@@ -11,7 +11,7 @@ import pytest
 import trio
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, Refused, Unreachable
+from scenefold.base.errors import DamagedData, NotReached, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
@@ -108,6 +108,7 @@ class PlainPeers:
         self.away: set[NodeId] = set()
         self.seem_alive: list[NodeId] = []
         self.members = [OTHER, THIRD]
+        self.unconnected: set[NodeId] = set()
 
     def others(self, *, first: NodeId | None = None) -> list[NodeId]:
         return sorted(self.members, key=lambda node: (node != first, node))
@@ -120,6 +121,8 @@ class PlainPeers:
         await trio.sleep(0.01)
         if member in self.away:
             raise Unreachable("away")
+        if member in self.unconnected:
+            raise NotReached("Connection refused")
         if isinstance(packet, ListScenes):
             own = self.shown.get(member)
             if own is not None:
@@ -256,6 +259,17 @@ async def test_another_node_hands_a_users_proposal_to_the_origin(autojump_clock:
     nowhere = await rig.scenes.on_propose(proposal(first_header(origin=NodeId(9))), USER)
     assert isinstance(nowhere, RejectSceneProposal) and nowhere.reason is RejectReason.NOT_AUTHORISED
     assert rig.store.written == []
+
+
+async def test_who_hands_on_says_that_nothing_came_to_the_origin_only_if_it_is_so(autojump_clock: MockClock) -> None:
+    rig = Rig()
+    rig.peers.unconnected = {OTHER}
+    rejected = await rig.scenes.on_propose(proposal(first_header(origin=OTHER)), USER)
+    assert isinstance(rejected, RejectSceneProposal)
+    assert (rejected.reason, rejected.node) == (RejectReason.PEER_MISSED, OTHER)
+    rig.peers.unconnected, rig.peers.away = set(), {OTHER}
+    with pytest.raises(Unreachable):
+        await rig.scenes.on_propose(proposal(first_header(origin=OTHER)), USER)
 
 
 @pytest.mark.expect_log("damaged scene header is dropped")

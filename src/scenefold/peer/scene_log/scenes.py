@@ -14,7 +14,7 @@ from functools import partial
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.errors import NotReached, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import PublicKey
@@ -253,7 +253,11 @@ class Scenes:
                 return rejection(RejectReason.NOT_MY_LOCATION, origin)
             if origin not in self._peers.others():
                 return rejection(RejectReason.NOT_AUTHORISED, origin)
-            return await self._peers.ask(origin, Priority.HIGH, packet, Packet, RELAY_S_MAX)
+            try:
+                return await self._peers.ask(origin, Priority.HIGH, packet, Packet, RELAY_S_MAX)
+            except NotReached:
+                # Nothing of it has left, so nobody need doubt whether it was decided.
+                return rejection(RejectReason.PEER_MISSED, origin)
         try:
             scene = await self._decide(packet)
         except Refused as refusal:
