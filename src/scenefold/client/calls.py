@@ -53,7 +53,7 @@ def no_answer(addresses: Sequence[str], last: ScenefoldError | None) -> Unreacha
     """The error if none of these nodes answers; the last one's reason often is everybody's."""
     why = "" if last is None else f": {last.what.removeprefix('no connection to the node: ')}"
     where = ", ".join(addresses[:4]) + (" and others" if len(addresses) > 4 else "")
-    remedy = "see that the nodes run (`scenectl node run`), can be reached, and are those of this profile"
+    remedy = "see that the nodes run (`scenectl node run`), can be reached, and are those of this profile; `seeds` in its cluster.toml may name others"
     return Unreachable(f"no node of the cluster answers{why}", where=where, remedy=remedy)
 
 
@@ -69,7 +69,7 @@ class Calls:
         *,
         spares: Sequence[tuple[NodeId, str]] = (),
     ) -> None:
-        """`addresses` and `node_ids`: the founders, in the order of the line; `spares`: who else may be there by now.
+        """`addresses` and `node_ids`: the founders, in the order of the line; `spares`: who else may be there by now, whoever is asked first first.
 
         The even bounds between founders only tell whom to ask first; the first call takes the table of a node.
         """
@@ -275,7 +275,10 @@ class Calls:
         At the end those of the profile that the table does not name, for a table of nobody would never be got rid of.
         """
         owning = [owner for owner in self.table.owners if owner.right_bound is not None]
-        empty = [owner for owner in self.table.owners if owner.right_bound is None]
+        rank = {address: place for place, address in enumerate(self._told)}
+        empty = sorted(
+            (owner for owner in self.table.owners if owner.right_bound is None), key=lambda owner: rank.get(owner.address, len(rank))
+        )
         chance = self.world.entropy.uniform()
         all_of_them = [*turned(owning, chance), *empty]
         named = [owner.address for owner in sorted(all_of_them, key=lambda owner: owner.node_id != first)]

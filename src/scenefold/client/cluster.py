@@ -16,6 +16,7 @@ from scenefold.base.location import FIRST, Arc
 from scenefold.base.prefixes import AddressPrefix, Blacklist
 from scenefold.client.calls import Calls, no_answer
 from scenefold.client.cluster_health import ClusterHealth, health_of
+from scenefold.client.contacts import contacts
 from scenefold.client.health import NEVER_CAME, ClusterStatus, NodeState, judged
 from scenefold.client.hedging import more_telling
 from scenefold.client.known_log import NOTHING_KNOWN, Known, KnownLog
@@ -59,11 +60,10 @@ class Cluster:
     def __init__(self, profile: ClusterProfile, world: World, links: Links, secrets: MemberSecrets, known: Known = NOTHING_KNOWN) -> None:
         """`known`: what the profile has kept of the cluster's log."""
         founders = [member for member in profile.members if member.node_id in profile.founders]
-        spares = [(member.node_id, member.address) for member in profile.members if member.node_id not in profile.founders]
         self.profile = profile
         self.name = profile.name
         self.links = links
-        self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=spares)
+        self.calls = Calls(world, links, [m.address for m in founders], [m.node_id for m in founders], spares=contacts(profile, known[0]))
         member = f"user:{profile.user}"
         me, file = (member, secrets.signing.public.key_id), LogFile(profile.folder)
         self.log = KnownLog(self.calls, profile.genesis_header, profile.log_key, profile.voters[0], me, file, known, links.check_again)

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
-from scenefold.base.ids import NodeId, address_of, node_id_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
+from scenefold.client.contacts import named_in_a_token
 from scenefold.client.known_log import KnownLog
 from scenefold.client.orders import Orders
 from scenefold.client.trusted import participants_of
@@ -30,6 +31,7 @@ from scenefold.crypto import (
     node_named,
     pem_of,
 )
+from scenefold.crypto.invitations import ADDRESSES_MAX
 from scenefold.wire import ParticipantEntry, RemoveNode, RevokeNode
 from scenefold.wire.enrol_entries import Invite, RevokeUser, Trust, Withdraw
 from scenefold.wire.enrol_packets import (
@@ -131,17 +133,17 @@ class Membership:
     async def invite(
         self, name: str, *, seconds: float, is_administrator: bool = False, addresses: Sequence[NodeId] | None = None
     ) -> Token:
-        """A token for one newcomer. `name`: "user:<name>", "node:<id>" or ANY_NODE. `addresses`: of nodes to ask; by default the first that the profile names."""
+        """A token for one newcomer. `name`: "user:<name>", "node:<id>" or ANY_NODE. `addresses`: of nodes to ask; by default the first ones that the profile and the cluster's log name."""
         if name.startswith("user:"):
             checked_name(name.removeprefix("user:"), "user")
         key = SigningKey.generate()
         expires = int(self._calls.world.clock.wall() + seconds)
-        seeds = [node_id_of(seed) for seed in self._profile.seeds] if addresses is None else list(addresses)
         await self._orders.give(Invite(key.public.raw, name, is_administrator, expires, self._me))
+        nodes = named_in_a_token(self._profile, self._cluster_log.view) if addresses is None else addresses
         ports = self._profile.ports
         kind = InvitedKind.USER if name.startswith("user:") else InvitedKind.NODE
         mark = mark_of(self._profile.authority_certificate())
-        return Token(kind, key.seed, mark, expires, ports.low, ports.high, tuple(seeds[:3]))
+        return Token(kind, key.seed, mark, expires, ports.low, ports.high, tuple(nodes[:ADDRESSES_MAX]))
 
     async def withdraw(self, invitation: bytes) -> None:
         """Let an invitation count no longer: its key, or as much of the beginning as tells it from others."""

@@ -16,13 +16,14 @@ _log = logging.getLogger("scenefold.peer")
 
 
 async def watch_seeds(gossip: Gossip, wait_s: float, is_seed: bool) -> None:
-    """Say once that no seed answers; give up in the end, unless others have found us, or this node is a seed that they look for."""
+    """Say once that nobody answers; give up in the end, unless others of its log do, or have found us, or this node is a seed that they look for."""
     warning_s = min(SEED_WARNING_S_MAX, wait_s / 2)
     silent = ", ".join(gossip.seeds)
     with trio.move_on_after(warning_s):
         await gossip.a_seed_heard()
         return
-    _log.warning("no seed answers yet (%s): trying on", silent)
+    if not gossip.met():
+        _log.warning("no seed answers yet (%s): trying on", silent)
     with trio.move_on_after(wait_s - warning_s):
         await gossip.a_seed_heard()
         return
