@@ -30,7 +30,7 @@ def mode(
     force: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
-    """Tell which mode a scene is in, or switch it: in edit mode it can be changed, in render mode only the output of a render is written.
+    """Tell which mode a scene is in, or switch it: in edit mode it can be changed; in render mode only the output of a render is written, and spaces stay as they are.
 
     A mode is active once nobody can act by the one before any more: at once, or, if one of those who decide cannot be reached, after some 13 s. Exit code 0: it is active. 3: it is decided, and not active yet, or no majority confirms it. 4: it was refused, or somebody else has switched it again meanwhile.
 

@@ -32,7 +32,7 @@ async def settings_of(access: SceneAccess) -> SettingsShown:
 async def change_settings(access: SceneAccess, change: Callable[[RenderSettings], RenderSettings]) -> SettingsShown:
     """Have what the log says then changed; an owner's to do, in edit mode. Nothing is decided if that changes nothing.
 
-    `change` may be called more than once: others may be faster. LocalFault in render mode, and for what no image can be.
+    `change` may be called more than once: others may be faster. Refused (9) in render mode; LocalFault for what no image can be.
     """
     before = await access.read_log()
     if change(before.state.render) == before.state.render:

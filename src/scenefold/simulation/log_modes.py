@@ -30,6 +30,8 @@ class _Rendering(NamedTuple):
     floor: int
     leased: Callable[[], int]
     lives: Callable[[], bool] = lambda: True
+    is_leased: bool = True
+    """Else a switch back is not held up by it: it ends, as jobs do, with the first record that it reads of behind that."""
 
 
 class ModesWatch:
@@ -115,7 +117,7 @@ class ModesWatch:
             held = None if lease is None else lease.loan.held
             return floor if held is None else held.position
 
-        with self._renders_as(name, name, _Rendering(floor, leased)):
+        with self._renders_as(name, name, _Rendering(floor, leased, is_leased=lease is not None)):
             yield
 
     @contextmanager
@@ -147,8 +149,11 @@ class ModesWatch:
         """A client is given what an owner says lies there."""
         if place.scene != self._scene:
             return
-        for who, mine in self._renders.get(name, {}).items():
-            if floor >= mine.floor and mine.lives():
+        renders = self._renders.get(name, {})
+        for who, mine in list(renders.items()):
+            if not mine.is_leased and version is not None and version.order[0] >= mine.floor:
+                renders[who] = mine._replace(lives=lambda: False)
+            elif floor >= mine.floor and mine.lives():
                 self._judge(who, mine, place, version)
             # Else nothing is rendered of it: nobody takes the word of who goes by an older header.
 

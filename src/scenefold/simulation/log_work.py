@@ -85,13 +85,18 @@ class LogClient:
 
     async def last(self) -> ReadLog | None:
         """One entry more; the log with it, None if it did not go in."""
-        told = await self.want(lambda log: self._moved(log, [1.0, 0.0, 0.0], own=True))
+
+        def entry(log: SceneLog) -> LogEntry:
+            # In render mode no space is moved; a new key is taken in any.
+            return self._next_key(log) if log.mode is SceneMode.RENDER else self._moved(log, [1.0, 0.0, 0.0], own=True)
+
+        told = await self.want(entry)
         return self._read if told is Told.COMMITTED else None
 
     # ------------------------------------------------------------------------------------------------------ entries
 
     def _make(self, act: str) -> Make:
-        """What is to be proposed, made anew from whatever the log says by then."""
+        """What is to be proposed, made anew from whatever the log says by then. While the scene is rendered spaces stay, and who wants that is refused."""
         match act:
             case "create" if self._made < SPACES_MAX:
                 return self._create()

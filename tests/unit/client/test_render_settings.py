@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from trio.testing import MockClock
 
+from scenectl.errors import REFUSED, ending_of
 from scenectl.settings import settings_text
-from scenefold.base.errors import LocalFault, UsageFault
+from scenefold.base.errors import LocalFault, Refused, UsageFault
 from scenefold.client.modes import set_mode
 from scenefold.render.client import StillOptions
 from scenefold.wire import RenderSettings, SceneMode
@@ -61,8 +62,9 @@ async def test_what_cannot_be_said(autojump_clock: MockClock, tmp_path: Path) ->
         with pytest.raises(LocalFault, match=field):
             await scene.change_render_settings(partial(replace, **wrong))
     await set_mode(scene.access, SceneMode.RENDER)
-    with pytest.raises(LocalFault, match=r"changes in edit mode alone .*switch the scene back to edit mode first"):
+    with pytest.raises(Refused, match=r"changes in edit mode alone .*switch the scene back to edit mode first") as refused:
         await scene.change_render_settings(partial(replace, samples=2))
+    assert ending_of(refused.value).exit_code == REFUSED, "as whatever else the mode forbids"
     assert (await scene.render_settings()).settings == RenderSettings()
 
 

@@ -19,6 +19,7 @@ from scenefold.base.ids import SPACE_ID_MAX, NodeId, SpaceId
 from scenefold.base.limits import LOG_REQUESTS_KEPT, SPACES_PER_SCENE_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.affine import Affine
+from scenefold.scene.log.frozen import check_mode, frozen
 from scenefold.scene.log.grants import Grants
 from scenefold.scene.log.resolution import lost_by
 from scenefold.scene.log.roster import Roster
@@ -80,8 +81,10 @@ class SceneLog:
         return cls().extended(records)
 
     def apply(self, record: LogRecord) -> SceneLog:
-        """The log with one more record, as its author adds it; Refused if it does not follow, does not fit, or makes shadows that would not count."""
+        """The log with one more record, as its author adds it; Refused if it does not follow, does not fit, or makes shadows that would not count,
+        (9) if the scene's mode forbids it."""
         after = self.extended((record,))
+        check_mode(self.mode, self.spaces, record.entry)
         check_added(self.public_spaces(), after.public_spaces())
         return after
 
@@ -181,16 +184,16 @@ class SceneLog:
             return replace(self, mode=entry.mode, write_floor=position)
         if isinstance(entry, RenderSettings):
             if self.mode is not SceneMode.EDIT:
-                raise _ill_formed("what an image is by default changes in edit mode alone", "switch the scene back to edit mode first")
+                raise frozen("what an image is by default changes in edit mode alone")
             return replace(self, render=entry)
         if isinstance(entry, BeginPurge):
             if self.mode is not SceneMode.EDIT:
-                raise _ill_formed("nothing is purged while the scene is rendered")
+                raise frozen("nothing is purged while the scene is rendered")
             return replace(self, purged=position, write_floor=position)
         if position == 1:
             raise _ill_formed("a scene begins before it ends")
         if self.mode is not SceneMode.EDIT:
-            raise _ill_formed("the scene is in render mode, and is ended in edit mode alone", "switch it back to edit mode first")
+            raise frozen("the scene is in render mode, and is ended in edit mode alone")
         return replace(self, mode=SceneMode.ENDED, write_floor=position)
 
     def _regranted(self, entry: Grant | Revoke | KeyEpoch, position: int) -> SceneLog:

@@ -28,4 +28,4 @@ def test_it_raises_the_write_floor_and_the_newest_counts() -> None:
 def test_nothing_is_purged_while_the_scene_is_rendered() -> None:
     with pytest.raises(Refused) as problem:
         with_entries(SetMode(SceneMode.RENDER), BeginPurge())
-    assert problem.value.reason is RejectReason.ILL_FORMED
+    assert problem.value.reason is RejectReason.MODE_FORBIDS

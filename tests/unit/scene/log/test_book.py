@@ -95,8 +95,47 @@ def test_the_newest_word_on_what_an_image_is_counts_and_while_it_is_rendered_nob
     assert with_entries(first, SetMode(SceneMode.RENDER)).render == first
     with pytest.raises(Refused, match=r"changes in edit mode alone .*switch the scene back") as refused:
         with_entries(SetMode(SceneMode.RENDER), last)
-    assert refused.value.reason is RejectReason.ILL_FORMED
+    assert refused.value.reason is RejectReason.MODE_FORBIDS
     assert log.write_floor == 0
+
+
+OUTPUT = space(space=SpaceId(40), name="output", render_output=True)
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        space(space=SpaceId(50), name="attic"),
+        TranslateSpace(HALL, (1.0, 2.0, 3.0)),
+        ScaleSpace(HALL, 2.0),
+        SetCopies(HALL, 1, 1),
+        Batch((TranslateSpace(SpaceId(40), (1.0, 2.0, 3.0)), ScaleSpace(HALL, 2.0))),
+        Batch((SetMode(SceneMode.EDIT), SetMode(SceneMode.RENDER), ScaleSpace(HALL, 2.0))),
+    ],
+    ids=lambda entry: type(entry).__name__,
+)
+def test_while_a_scene_is_rendered_nobody_adds_what_would_change_its_spaces(entry: LogEntry) -> None:
+    log = with_entries(space(), OUTPUT, SetMode(SceneMode.RENDER))
+    record = log.next_record(entry, b"r" * 16, ORIGIN)
+    with pytest.raises(Refused, match=r"in render mode: no space is (made|changed) but for the output of renders") as refused:
+        log.apply(record)
+    assert refused.value.reason is RejectReason.MODE_FORBIDS
+    assert log.extended((record,)).position == log.position + 1, "logs of former versions are read as ever"
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        space(space=SpaceId(50), name="more output", render_output=True),
+        TranslateSpace(SpaceId(40), (1.0, 2.0, 3.0)),
+        Batch((space(space=SpaceId(50), name="more output", render_output=True), ScaleSpace(SpaceId(50), 2.0))),
+        Batch((SetMode(SceneMode.EDIT), ScaleSpace(HALL, 2.0))),
+    ],
+    ids=lambda entry: type(entry).__name__,
+)
+def test_spaces_for_the_output_of_renders_are_made_and_changed_in_any_mode(entry: LogEntry) -> None:
+    log = with_entries(space(), OUTPUT, SetMode(SceneMode.RENDER))
+    assert log.apply(log.next_record(entry, b"r" * 16, ORIGIN)).position == log.position + 1
 
 
 def at(number: int) -> Location:
