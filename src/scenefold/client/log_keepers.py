@@ -177,9 +177,9 @@ class LogKeepers(Generic[Log]):
     def _none_answers(self, known: SceneLogPublic, error: Unreachable) -> Unreachable:
         nodes = ", ".join(address_of(entry.member.node) for entry in known.participants)
         what = f"none of the nodes that decide the scene's log answers and has the newest: {error.what}"
-        remedy = "start one of these: each has the log; spaces and transforms are read from there"
+        remedy = "start one of these: each has the log, which says what the scene consists of, its mode, and what became of changes"
         return Unreachable(what, where=f"scene {self._name}, {nodes}", remedy=remedy)
 
     def _no_log(self, keeper: str, why: str) -> Unreachable:
-        remedy = "start that node: its spaces and transforms are read from there"
+        remedy = "start that node: it alone has the log, which says what the scene consists of, its mode, and what became of changes"
         return Unreachable(f"the node that keeps the scene's log {why}", where=f"scene {self._name}, {keeper}", remedy=remedy)

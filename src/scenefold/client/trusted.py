@@ -66,8 +66,9 @@ def _first(view: LogView, count: int, origin: NodeId, silent: Collection[NodeId]
     if count > len(nodes):
         others = [node for node in view.members if node not in view.roll.trusted]
         what = f"{count} participants are asked for, and the cluster trusts {_nodes(len(nodes))} that could be"
-        where = f"not trusted: {', '.join(map(address_of, others))}" if others else "all nodes are trusted"
-        raise LocalFault(what, where=where, remedy=_how_to_trust(others))
+        where = f"not trusted: {', '.join(map(address_of, others))}" if others else "all nodes that have joined are trusted"
+        remedy = _how_to_trust(others) if others else "start the others and wait until they have joined, add nodes, or ask for fewer"
+        raise LocalFault(what, where=where, remedy=remedy)
     return tuple(entry_of(view, node) for node in nodes[:count])
 
 
