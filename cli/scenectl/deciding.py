@@ -61,7 +61,7 @@ def participants(scene: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE
 
     async def ask() -> Deciders:
         async with connected(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).deciders()
+            return await cluster.membership.judged(await (await cluster.scenes.open(scene)).deciders())
 
     emit_deciders(output, scene, run(ask))
 
@@ -162,7 +162,20 @@ def deciders_text(found: Deciders) -> str:
         text = f"{nodes} decides alone."
     else:
         text = f"{nodes} decide; {found.majority} of the {len(found.nodes)} must agree."
+    if found.lost:
+        text += lost_text(found.lost, found)
     return text + (f"\nObservers: {addresses_text(found.observers)}." if found.observers else "")
+
+
+def lost_text(lost: Sequence[NodeId], found: Deciders) -> str:
+    """Who of them votes no more, how many may be away besides, and what to do."""
+    left = len(found.nodes) - found.majority - len(lost)
+    may = (
+        "too few are left to change anything" if left < 0 else "none of the others may be away" if left == 0 else f"{left} more may be away"
+    )
+    who, it = addresses_text(lost), "has lost its disk, and votes" if len(lost) == 1 else "have lost their disks, and vote"
+    relieve = f"`scenectl scene relieve {address_of(lost[0])}` has another node decide in its place, in all scenes that you own"
+    return f"\n{who} {it} no more: {may}. {relieve}; or remove-participant, and then add-participant."
 
 
 def addresses_text(nodes: Sequence[NodeId]) -> str:

@@ -18,6 +18,7 @@ from scenefold.client.calls import Calls
 from scenefold.client.contacts import named_in_a_token
 from scenefold.client.known_log import KnownLog
 from scenefold.client.orders import Orders
+from scenefold.client.participants import Deciders
 from scenefold.client.trusted import participants_of
 from scenefold.crypto import (
     AUTHORITY_PURPOSE,
@@ -110,6 +111,10 @@ class Membership:
         if (card.keys.signing.raw, card.keys.sealing.raw) != keys:
             raise DamagedData(f"{name} shows a card for other keys than the cluster's log has", where=address_of(node))
         return card
+
+    async def judged(self, deciders: Deciders) -> Deciders:
+        """Who of those that decide a scene votes no more."""
+        return deciders.judged((await self._cluster_log.newest(age_s_max=FRESH_S)).registered)
 
     async def participants(self, nodes: Sequence[NodeId]) -> tuple[ParticipantEntry, ...]:
         """These nodes, as they may decide a scene's log. LocalFault if one is no member, or not trusted."""

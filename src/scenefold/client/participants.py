@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -24,6 +24,14 @@ class Deciders:
     participants: tuple[NodeId, ...]
     observers: tuple[NodeId, ...]
     position: int
+    members: tuple[Member, ...] = ()
+    """The participants, each in the life in which it was named."""
+    lost: tuple[NodeId, ...] | None = None
+    """Those of them whose disk was lost, or that were removed from the cluster: they vote no more. None: nobody has looked."""
+
+    def judged(self, registered: Mapping[NodeId, bytes]) -> Deciders:
+        """With who votes no more, by the lives that the cluster's log has."""
+        return replace(self, lost=tuple(NodeId(one.node) for one in self.members if registered.get(NodeId(one.node)) != one.incarnation))
 
     @property
     def nodes(self) -> tuple[NodeId, ...]:
@@ -42,7 +50,7 @@ class Deciders:
             "by_origin_alone": not self.participants,
             "majority": self.majority,
             "observers": [address_of(node) for node in self.observers],
-        }
+        } | ({} if self.lost is None else {"lost": [address_of(node) for node in self.lost]})
 
 
 async def deciders_of(access: SceneAccess) -> Deciders:
@@ -125,4 +133,6 @@ def _leaving(name: str, node: NodeId, log: SceneLog) -> LogEntry:
 def deciders_in(header: SceneLogPublic) -> Deciders:
     """As a header names them."""
     participants, observers = ([NodeId(entry.member.node) for entry in entries] for entries in (header.participants, header.observers))
-    return Deciders(NodeId(header.origin), tuple(participants), tuple(observers), header.position)
+    return Deciders(
+        NodeId(header.origin), tuple(participants), tuple(observers), header.position, tuple(entry.member for entry in header.participants)
+    )

@@ -15,6 +15,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Deciders, Standing
+from scenefold.wire import Member
 
 A, B, C = (node_id_of(f"127.0.0.{number}") for number in (2, 3, 4))
 REQUEST = "0f" * 16
@@ -43,6 +44,12 @@ def test_an_even_number_is_warned_of() -> None:
         (Deciders(A, (), (), 4), "127.0.0.2 decides alone, as the node where scenes of this cluster begin."),
         (Deciders(A, (B,), (), 4), "127.0.0.3 decides alone."),
         (Deciders(A, (A, B, C), (), 4), "127.0.0.2, 127.0.0.3 and 127.0.0.4 decide; 2 of the 3 must agree."),
+        (
+            Deciders(A, (A, B, C), (), 4, lost=(B,)),
+            "127.0.0.2, 127.0.0.3 and 127.0.0.4 decide; 2 of the 3 must agree.\n127.0.0.3 has lost its disk, and votes no more: "
+            "none of the others may be away. `scenectl scene relieve 127.0.0.3` has another node decide in its place, in all scenes "
+            "that you own; or remove-participant, and then add-participant.",
+        ),
         (Deciders(A, (A,), (B,), 4), "127.0.0.2 decides alone.\nObservers: 127.0.0.3."),
     ],
 )
@@ -144,3 +151,11 @@ def test_wrong_usage_is_told_before_anything_is_asked(capsys: pytest.CaptureFixt
 
 def test_nodes_are_named_by_their_addresses() -> None:
     assert Participants.parse("127.0.0.2").wanted == (NodeId(A),)
+
+
+def test_who_lives_on_as_another_one_votes_no_more() -> None:
+    members = tuple(Member(node, bytes(16)) for node in (A, B, C))
+    found = Deciders(A, (A, B, C), (), 4, members)
+    assert "lost" not in found.document() and found.judged(dict.fromkeys((A, B, C), bytes(16))).document()["lost"] == []
+    assert found.judged({A: bytes(16), B: b"another life 123"}).lost == (B, C)
+    assert "too few are left" in deciders_text(found.judged({}))

@@ -153,6 +153,11 @@ async def test_nobody_decides_who_is_not_trusted(autojump_clock: MockClock, tmp_
         await scenes.create("kitchen", participants=taking_part(A, B, C))
     with pytest.raises(LocalFault, match=rf"3 participants are asked for, and the cluster trusts 2 nodes.*not trusted: {C}, .*trust {C}"):
         await scenes.create("kitchen", participants=3)
+    alone = FakeCouncil(addresses=(A,), trusted=(A,)).scenes(Keyring(tmp_path))
+    with pytest.raises(
+        LocalFault, match=r"trusts 1 node .*all nodes that have joined are trusted.*start the others and wait until they have joined"
+    ):
+        await alone.create("kitchen", participants=3)
     with pytest.raises(LocalFault, match=r"no node of this cluster has this address \(127.0.0.99\)"):
         await scenes.create("kitchen", participants=taking_part(A, "127.0.0.99"))
     with pytest.raises(UsageFault, match=f"{B} is named twice"):
