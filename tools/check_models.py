@@ -11,7 +11,9 @@ visit all states that there are, and find nothing.
 from __future__ import annotations
 
 import argparse
+import math
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -26,6 +28,8 @@ from model_runs import RUNS, Run
 MODELS = Path(__file__).resolve().parents[1] / "specs" / "models"
 MEMORY_MIB_MAX = 3800
 """Of one exploration; there is one at a time, so all of them stay within 4 GiB."""
+QUICK_PROCESSOR_S_MAX = 180.0
+"""Of all quick runs together, compilers included. Of processors and not of clocks, so that other tests at the same time do not count."""
 SKIPPED = 77
 NEEDED = ("spin", "gcc")
 
@@ -98,9 +102,15 @@ def explore(run: Run, seconds_max: float) -> Found:
         return read(done.stdout + done.stderr)
 
 
-def check(runs: Sequence[Run], seconds_max: float) -> list[str]:
-    """Explores one after the other, prints a row for each, and returns what came out wrong."""
-    wrong, began = [], time.monotonic()
+def processor_s() -> float:
+    """What all programs that were run so far have used."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def check(runs: Sequence[Run], seconds_max: float, processor_s_max: float = math.inf) -> list[str]:
+    """Explores one after the other, prints a row for each, and returns what came out wrong; ends if all together take more of the processor."""
+    wrong, began, used_before = [], time.monotonic(), processor_s()
     print("| run | shows | states | depth | seconds | result |\n| --- | --- | --- | --- | --- | --- |")
     for run in runs:
         start = time.monotonic()
@@ -110,7 +120,11 @@ def check(runs: Sequence[Run], seconds_max: float) -> list[str]:
         print(f"| {run.name} | {run.shows} | {found.states:,} | {found.depth:,} | {took:.1f} | {words} |", flush=True)
         if not is_right:
             wrong.append(f"{run.name}: {words}")
-    print(f"\n{len(runs)} runs, {sum(run.is_mutant for run in runs)} of them mutants, {time.monotonic() - began:.0f} s")
+        if (used := processor_s() - used_before) > processor_s_max:
+            wrong.append(f"with {run.name} the runs have taken {used:.0f} s of the processor, and {processor_s_max:.0f} s are the most")
+            break
+    mutants, took = sum(run.is_mutant for run in runs), time.monotonic() - began
+    print(f"\n{len(runs)} runs, {mutants} of them mutants, {took:.0f} s, {processor_s() - used_before:.0f} s of the processor")
     return wrong
 
 
@@ -127,7 +141,7 @@ def main() -> int:
     if not runs:
         print(f"no run is called {options.only!r}", file=sys.stderr)
         return 2
-    wrong = check(runs, options.seconds_max)
+    wrong = check(runs, options.seconds_max, QUICK_PROCESSOR_S_MAX if options.quick else math.inf)
     for line in wrong:
         print(f"wrong: {line}", file=sys.stderr)
     return 1 if wrong else 0

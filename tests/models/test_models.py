@@ -51,6 +51,15 @@ def test_the_quick_runs_come_out_as_they_must() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_runs_that_take_too_long_together_are_wrong(checker: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    used = iter(range(0, 1_000, 100))
+    monkeypatch.setattr(checker, "processor_s", lambda: float(next(used)))
+    monkeypatch.setattr(checker, "explore", lambda run, seconds_max: checker.read(HOLDS))
+    runs = [checker.Run("consensus", f"-DB={number}") for number in range(1, 6)]
+    [wrong] = checker.check(runs, 900.0, checker.QUICK_PROCESSOR_S_MAX)
+    assert "with consensus -DB=2 the runs have taken 200 s of the processor, and 180 s are the most" in wrong
+
+
 def test_without_spin_it_says_what_to_install(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, str(SCRIPT)], capture_output=True, text=True, check=False, env={"PATH": str(tmp_path)})
     assert (done.returncode, done.stdout) == (SKIPPED, "") and "apt-get install spin gcc" in done.stderr
