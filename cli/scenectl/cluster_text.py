@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from scenectl.output import size_text, table
+from scenectl.output import counted, size_text, table
 
 if TYPE_CHECKING:
     from scenefold.base.location import Arc
@@ -84,7 +84,9 @@ def strangers_text(found: ClusterStatus) -> Sequence[str]:
     """A line if anything was refused at any node's ports; none otherwise."""
     reports = [report for node in found.nodes if (report := node.report or node.last) is not None]
     away, dropped = sum(report.turned_away for report in reports), sum(report.dropped for report in reports)
-    return [f"turned away since the nodes started: {away:,} connections, {dropped:,} datagrams"] if away or dropped else []
+    return (
+        [f"turned away since the nodes started: {counted(away, 'connection')}, {counted(dropped, 'datagram')}"] if away or dropped else []
+    )
 
 
 def removed_text(found: Sequence[RemovedNode]) -> str:
@@ -125,8 +127,8 @@ def movement_text(movement: Movement) -> str:
     """A handover on one line."""
     arrived = UNKNOWN if movement.records_arrived is None else f"{movement.records_arrived:,}"
     total = UNKNOWN if movement.records is None else f"{movement.records:,}"
-    counted = f"{movement.progress:.0%}, {arrived} of {total} records" if movement.step in ("offered", "noted") else movement.step
-    return f"{movement.giver} -> {movement.receiver}  {arc_text(movement.piece)}  {counted}, for {movement.seconds:.0f} s"
+    how_far = f"{movement.progress:.0%}, {arrived} of {total} records" if movement.step in ("offered", "noted") else movement.step
+    return f"{movement.giver} -> {movement.receiver}  {arc_text(movement.piece)}  {how_far}, for {movement.seconds:.0f} s"
 
 
 def arc_text(arc: Arc | None) -> str:

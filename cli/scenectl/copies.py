@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from scenectl.names import SceneOption
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit
 from scenectl.values import SpaceOption, name_or_number, whole
 from scenefold.base.limits import COPIES_MAX
 
@@ -81,9 +81,13 @@ def plan_text(plan: CopiesPlan) -> str:
     document = plan.document()
     lines = [f"Space {plan.was.name} would have {now}; now it has {was}. Nothing is changed."]
     if document["copies_to_make"]:
-        lines.append(f"Nodes would make {document['copies_to_make']:,} copies of {plan.records:,} records, in the background.")
+        lines.append(
+            f"Nodes would make {counted(document['copies_to_make'], 'copy', 'copies')} of {counted(plan.records, 'record')}, in the background."
+        )
     if document["copies_to_drop"]:
-        lines.append(f"{document['copies_to_drop']:,} copies of {plan.records:,} records would go, in the background.")
+        lines.append(
+            f"{counted(document['copies_to_drop'], 'copy', 'copies')} of {counted(plan.records, 'record')} would go, in the background."
+        )
     if plan.shadows:
         lines.append(f"Shadows that would be made: {', '.join(plan.shadows)}.")
     if plan.nodes < plan.copies:

@@ -48,6 +48,11 @@ PLAIN = Output()
 DEFAULT_PROFILE = ProfileOutput()
 
 
+def counted(number: int, one: str, several: str = "") -> str:
+    """`1 node`, `1,005 nodes`. `several`: where that is not `one` with an s."""
+    return f"{number:,} {one if number == 1 else several or one + 's'}"
+
+
 def emit(output: Output, document: Mapping[str, Any], text: str) -> None:
     """Print a result: the JSON object if asked for, else the text."""
     if output.json:

@@ -166,7 +166,9 @@ def revoke(
     (left,) = revoked
     document = {"scene": scene, "dry_run": dry_run, **left.document(), "sealed_anew": None if report is None else report.document()}
     told = _left_as_it_is(scene, is_dry=dry_run) if report is None else _sealed(scene, report)
-    emit(output, document, f"{gone}.\n{_members(left)}\n{told}")
+    # Who was told before the sealing began need not be told again.
+    said = "" if report is not None and not dry_run else f"{gone}.\n"
+    emit(output, document, f"{said}{_members(left)}\n{told}")
     return DONE if report is None or report.is_complete else DEGRADED
 
 

@@ -72,6 +72,8 @@ def check_files(file: Path | None, *outputs: Path) -> None:
     from scenefold.base.errors import LocalFault
     from scenefold.render.image_files import check_writable
 
+    if file is not None and file.is_dir():
+        raise LocalFault("that is a folder", where=str(file), remedy="name a scene file in it")
     if file is not None and not file.is_file():
         raise LocalFault("there is no such scene file", where=str(file), remedy="check the path")
     for path in outputs:

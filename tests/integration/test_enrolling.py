@@ -122,6 +122,8 @@ def test_invitations_are_listed_and_withdrawn(profile: str, tmp_path: Path) -> N
     assert scenectl("cluster", "invite", "--withdraw", done["id"], profile=profile).code == 0
     refused = scenectl("cluster", "join", done["token"], profile=tmp_path / "bob")
     assert refused.code == 4 and "withdrawn" in refused.error
+    unknown = scenectl("cluster", "invite", "--withdraw", "00000000", profile=profile)
+    assert unknown.code == 1 and "no open invitation has this id" in unknown.error
 
 
 def test_who_lost_the_answer_asks_again_with_the_same_keys(profile: str, tmp_path: Path) -> None:

@@ -223,6 +223,9 @@ def test_the_node_that_decides_cannot_be_drained(profile: str) -> None:
     assert planned.code == 5 and "would refuse" in planned.out.decode()
     refused = scenectl("node", "drain", FOUNDERS[0], profile=profile)
     assert refused.code == 4 and "cannot do without it" in refused.error and FOUNDERS[0] in refused.error
+    assert f"add-voter ADDRESS; then scenectl cluster remove-voter {FOUNDERS[0]}" in refused.error
+    last = scenectl("cluster", "remove-voter", FOUNDERS[0], profile=profile)
+    assert last.code == 4 and "the last voter stays" in last.error and "cluster add-voter ADDRESS" in last.error
     check = scenectl("node", "drain", FOUNDERS[0], "--check", "--json", profile=profile)
     assert check.code == 5 and check.json["state"] == "serving"
 

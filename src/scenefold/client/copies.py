@@ -32,7 +32,11 @@ class Copies(NamedTuple):
             needed = whole_option(where, "copies_min", least)
         if not 1 <= needed <= wanted <= COPIES_MAX:
             what = f"a space has 1 to {COPIES_MAX} copies, and from 1 to all of them must be there, not {needed} of {wanted}"
-            raise UsageFault(what, where=where, remedy="choose copies_min no larger than copies")
+            raise UsageFault(
+                what,
+                where=where,
+                remedy="let no more of them be there at least (--min-copies, `copies_min`) than there shall be (--copies, `copies`)",
+            )
         return cls(wanted, needed)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
@@ -151,7 +151,7 @@ class Membership:
         return Token(kind, key.seed, mark, expires, ports.low, ports.high, tuple(nodes[:ADDRESSES_MAX]))
 
     async def withdraw(self, invitation: bytes) -> None:
-        """Let an invitation count no longer: its key, or as much of the beginning as tells it from others."""
+        """Let an invitation count no longer: its key, or as much of the beginning as tells it from others. LocalFault if there is not just one."""
         open_ones = [
             one.entry.key
             for one in (await self.roll()).invitations
@@ -159,7 +159,7 @@ class Membership:
         ]
         if len(open_ones) != 1:
             what = "no open invitation has this id" if not open_ones else "several invitations begin so"
-            raise UsageFault(what, where=invitation.hex(), remedy="see `scenectl cluster invitations`")
+            raise LocalFault(what, where=invitation.hex(), remedy="see `scenectl cluster invitations`")
         await self._orders.give(Withdraw(open_ones[0]))
 
     async def revoke_user(self, user: str) -> Revoked:

@@ -60,6 +60,7 @@ def test_what_was_turned_away_is_shown_where_there_is_any() -> None:
     assert isinstance(console.file, io.StringIO)
     for text in (status_text(some), _lines(some, rates([], some.nodes, 1.0), []), console.file.getvalue()):
         assert "turned away since the nodes started: 1,005 connections, 2 datagrams" in text
+    assert "turned away since the nodes started: 1 connection, 0 datagrams" in status_text(found((1, 0)))
     assert "turned away" not in status_text(found((0, 0)))
     assert [(one.document()["connections_turned_away"], one.document()["datagrams_dropped"]) for one in some.nodes] == [(1_000, 2), (5, 0)]
     assert SILENT.document()["connections_turned_away"] is None

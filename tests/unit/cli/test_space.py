@@ -66,6 +66,8 @@ def test_a_plan_of_copies_says_what_would_come_and_what_would_go() -> None:
     assert "would make 1,000 copies of 1,000 records" in more and "hall copy 3, hall copy 4" in more and "There are 4 nodes" in more
     fewer = plan_text(CopiesPlan(hall, 1, 1, (), 1000, 4))
     assert "2,000 copies of 1,000 records would go" in fewer and "Shadows" not in fewer and "nodes" not in fewer
+    one = plan_text(CopiesPlan(hall, 4, 2, (), 1, 4))
+    assert "Nodes would make 1 copy of 1 record, in the background." in one
     assert "nothing would change" in plan_text(CopiesPlan(hall, 3, 2, (), 1000, 4))
 
 

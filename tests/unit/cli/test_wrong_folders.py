@@ -16,6 +16,11 @@ def test_a_file_is_no_folder_of_a_local_cluster(capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().err == f"error: the folder cannot be used: Not a directory ({tmp_path}/note): choose another folder\n"
 
 
+def test_a_folder_is_no_scene_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["render", "still", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == f"error: that is a folder ({tmp_path}): name a scene file in it\n"
+
+
 def test_who_has_not_the_authoritys_key_is_told_who_renews(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     profile = tmp_path / "studio"
     assert main(["cluster", "init", str(profile), "--nodes", "127.0.0.2"]) == 0

@@ -426,12 +426,13 @@ def test_who_decides_the_log_is_ordered_in_words_that_say_what_cannot_be() -> No
         (three, named(3, life=1), "no member under this incarnation", RejectReason.WRONG_INCARNATION),
         (three, dismissed(5), "is no voter", RejectReason.ILL_FORMED),
         (voting(7), named(7), "7 voters already", RejectReason.LIMIT_EXCEEDED),
-        (voting(1), dismissed(0), "last voter stays", RejectReason.ILL_FORMED),
-        (voting(0), dismissed(0), "last voter stays", RejectReason.ILL_FORMED),
+        (voting(1), dismissed(0), "last voter stays", RejectReason.NOT_AUTHORISED),
+        (voting(0), dismissed(0), "last voter stays", RejectReason.NOT_AUTHORISED),
         (voting(0), named(1), "first voter that is named", RejectReason.ILL_FORMED),
     ]
     for registry, entry, words, reason in cases:
         with pytest.raises(Refused, match=words) as caught:
             ordered(registry, order(entry))
         assert caught.value.reason is reason
+        assert words != "last voter stays" or "cluster add-voter" in caught.value.remedy
     assert "remove-voter 127.0.0.2" in forbidden(three, order(RevokeNode(node(0), key_of(0).key_id)))

@@ -16,7 +16,7 @@ def why_never(node: NodeId, registry: Registry, decides: Sequence[SceneId]) -> R
         return Refused(
             RejectReason.NOT_AUTHORISED,
             "this node decides the cluster's log, and the cluster cannot do without it",
-            remedy="drain any other node",
+            remedy=f"{_another_first(registry)}scenectl cluster remove-voter {address_of(node)}, then drain it",
         )
     issuers = registry.issuers
     if node in issuers and not any(registry.stands(other) for other in issuers - {node}):
@@ -33,3 +33,7 @@ def why_never(node: NodeId, registry: Registry, decides: Sequence[SceneId]) -> R
             remedy=f"let the scene's owners have others decide in its place: `scenectl scene relieve {address_of(node)}`",
         )
     return None
+
+
+def _another_first(registry: Registry) -> str:
+    return "" if len(registry.voters) > 1 else "have another node decide, too: scenectl cluster add-voter ADDRESS; then "

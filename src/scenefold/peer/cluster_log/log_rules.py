@@ -103,7 +103,7 @@ def in_words(entry: LogEntry) -> str:
     """An entry for people: who, what, why."""
     match entry:
         case Found(founders):
-            return f"founded with {len(founders)} nodes"
+            return f"founded with {len(founders)} node{'' if len(founders) == 1 else 's'}"
         case AddNode(member):
             return f"{address_of(member.node)} is a member ({member.incarnation.hex()[:8]})"
         case RemoveNode(member, reason):

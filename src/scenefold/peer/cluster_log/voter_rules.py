@@ -110,7 +110,11 @@ def _joined(registry: Registry, entry: AddParticipant) -> Participants:
 def _left(voters: Participants | None, entry: RemoveParticipant) -> Participants:
     node = entry.member.node
     if voters is None or (voters.member_of(node) is not None and len(voters.everyone) == 1):
-        raise _ill_formed("the last voter stays: nobody could decide anything any more")
+        raise Refused(
+            RejectReason.NOT_AUTHORISED,
+            "the last voter stays: nobody could decide anything any more",
+            remedy="have another node decide first: scenectl cluster add-voter ADDRESS",
+        )
     if voters.member_of(node) is None:
         raise _ill_formed(f"{address_of(node)} is no voter")
     if entry.member not in voters:
