@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.client.access import SceneAccess
+from scenefold.client.contents import content_of
 from scenefold.client.ending import SceneEnd, end_scene, plan_end
 from scenefold.client.exporting import ExportReport, export_scene
 from scenefold.client.former_keys import LOOK_S, FormerKeys, former_keys
@@ -28,7 +29,6 @@ from scenefold.client.render_settings import SettingsShown, change_settings, set
 from scenefold.client.scene_log import Standing
 from scenefold.client.space import Space
 from scenefold.client.suspects import SuspectReport, look_at_suspects
-from scenefold.scene.layout import DOCUMENT_LOCATION, META
 from scenefold.scene.log import LoggedSpace
 
 if TYPE_CHECKING:
@@ -110,10 +110,7 @@ class Scene:
 
     async def content(self) -> SceneDocument | None:
         """The scene document, from which all tables are found; None if no import was completed yet."""
-        from scenefold.scene.payloads.document import decode_document
-
-        payload = await self.space(META).get(DOCUMENT_LOCATION)
-        return None if payload is None else decode_document(payload)
+        return await content_of(self.access)
 
     async def info(self) -> SceneInfo:
         """What the scene is and holds."""

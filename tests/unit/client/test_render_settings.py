@@ -12,6 +12,7 @@ from trio.testing import MockClock
 from scenectl.errors import REFUSED, ending_of
 from scenectl.settings import settings_text
 from scenefold.base.errors import LocalFault, Refused, UsageFault
+from scenefold.client.contents import camera_names
 from scenefold.client.modes import set_mode
 from scenefold.render.client import StillOptions
 from scenefold.wire import RenderSettings, SceneMode
@@ -66,6 +67,19 @@ async def test_what_cannot_be_said(autojump_clock: MockClock, tmp_path: Path) ->
         await scene.change_render_settings(partial(replace, samples=2))
     assert ending_of(refused.value).exit_code == REFUSED, "as whatever else the mode forbids"
     assert (await scene.render_settings()).settings == RenderSettings()
+
+
+async def test_a_camera_is_one_that_the_scene_has_once_it_has_any(autojump_clock: MockClock, tmp_path: Path) -> None:
+    scene, _ = await hall_of(FakeCouncil(), tmp_path)
+    assert (await scene.change_render_settings(partial(replace, camera="door"))).settings.camera == "door"
+    file = tmp_path / "tetrahedron.obj"
+    file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\n")
+    await scene.import_file(file)
+    (name,) = await camera_names(scene.access) or []
+    with pytest.raises(LocalFault, match=f"the scene has no camera 'nope' .*choose one of: '{name}'"):
+        await scene.change_render_settings(partial(replace, camera="nope"))
+    assert (await scene.change_render_settings(partial(replace, samples=2))).settings.camera == "door", "of before there was any"
+    assert (await scene.change_render_settings(partial(replace, camera=name))).settings.camera == name
 
 
 def test_who_renders_has_the_last_word() -> None:
