@@ -194,6 +194,7 @@ def ls(
         List those of deleted records, and of parts of split ones, too. That is faster, since who leaves them out must read all records.
     """
     from scenectl.running import connected, run
+    from scenectl.waiting import going_on
     from scenefold.base.errors import UsageFault
 
     if first.first > last.last:
@@ -209,7 +210,8 @@ def ls(
                 found.append(location.hex())
         return asked.id, found, False
 
-    number, locations, more = run(work)
+    with going_on("list again"):
+        number, locations, more = run(work)
     text = "\n".join(locations)
     if more and not output.json:
         note(f"more than {limit}: go on with --first, or raise --limit")

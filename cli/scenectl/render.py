@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -87,6 +88,7 @@ def still(
     from scenectl.progress import Progress
     from scenectl.running import run
     from scenectl.still import StillJob, check_files, make_still, png_beside, report_text
+    from scenectl.waiting import going_on
     from scenefold.base.errors import UsageFault
 
     if file is None and (scene is None or output.profile is None):
@@ -126,7 +128,8 @@ def still(
         exr=to,
         png=png,
     )
-    with Progress(quiet=output.json) as progress:
+    again = nullcontext() if output.profile is None else going_on("render again")
+    with again, Progress(quiet=output.json) as progress:
         report = run(make_still, job, progress)
     emit(output, report, report_text(report))
 

@@ -209,7 +209,7 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> str:
 def _render_progress(progress: ProgressCallback) -> Callable[[str, int, int], None]:
     from scenefold.client import ProgressState
 
-    units = {"render": "passes", "fetch": "bytes"}
+    units = {"prepare": "scene", "render": "passes", "fetch": "bytes"}
     return lambda phase, done, total: progress(ProgressState(phase, done, total, units.get(phase, "")))
 
 

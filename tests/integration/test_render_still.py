@@ -131,6 +131,8 @@ def test_what_the_scene_says_counts_for_whoever_says_nothing(profile: str, tmp_p
     own = scenectl("render", "still", "--scene", "room", "--samples", "1", "-o", tmp_path / "own.exr", "--json", profile=profile)
     assert own.json["paths"] == 24 * 12
     assert "an image is by default: width 24" in scenectl("scene", "log", "room", "--last", "1", profile=profile).out.decode()
+    unknown = scenectl("scene", "settings", "room", "--camera", "nope", profile=profile)
+    assert "the scene has no camera 'nope'" in unknown.refusal(1)
     assert "--samples" in scenectl("scene", "settings", "room", "--samples", "0", profile=profile).refusal(2)
     assert scenectl("scene", "settings", "room", "--clear", "--json", profile=profile).json["width"] is None
 
@@ -148,6 +150,7 @@ def test_what_a_running_cluster_cannot_render(arguments: list[str], code: int, w
     if "empty" in arguments:
         assert scenectl("scene", "create", "empty", profile=profile).code == 0
     done = scenectl("render", "still", *arguments, "-o", tmp_path / "o.exr", profile=profile)
+    assert ("prepare: 0 of 1 scene" in done.err) == ("attic" not in arguments[:2]), "whoever waits hears at once that it has begun"
     assert what in done.refusal(code)
     assert list(tmp_path.iterdir()) == []
     assert scenectl("cluster", "status", profile=profile).code == 0, "the nodes live on"

@@ -101,6 +101,8 @@ async def render_still(
     of them before anything else happens. LocalFault if there is none.
     """
     options.checked()
+    # Who must wait for a node that says nothing hears at least that something goes on.
+    progress("prepare", 0, 1)
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
     chosen = await renderers_of(cluster, scene)
@@ -154,6 +156,8 @@ class _Watch:
             stand = stand_of(reply.document, self._address)
             if stand.phase == "failed":
                 raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
+            if stand.phase in ("rendering", "done"):
+                progress("prepare", 1, 1)
             if stand.phase == "rendering":
                 progress("render", stand.closed, stand.passes)
             if stand.phase == "done":
