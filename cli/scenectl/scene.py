@@ -15,7 +15,7 @@ from scenectl.ending import rm
 from scenectl.modes import mode
 from scenectl.names import SceneName, SceneOption
 from scenectl.observing import add_observer, remove_observer
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit, note, size_text, table
 from scenectl.purging import purge, strays
 from scenectl.scene_log import log
 from scenectl.settings import settings
@@ -25,6 +25,7 @@ from scenefold.base.ids import address_of
 
 if TYPE_CHECKING:
     from scenefold.client import Deciders, FormerKeys, ImportReport, SceneInfo, SceneListing
+    from scenefold.scene.payloads.document import SceneDocument
 
 app = App(name="scene", help="Make scenes, fill them, and say who may use them.", help_format="plaintext")
 VERBS: tuple[Callable[..., int | None], ...] = (
@@ -165,7 +166,7 @@ def import_(
 ) -> None:
     """Import a glTF, GLB, OBJ, PLY or STL file into a scene, which is made if it does not exist.
 
-    The scene shows its content only when the import is complete; an interrupted import is repeated by the same command.
+    The scene shows its content only when the import is complete; an interrupted import is repeated by the same command. What a scene showed before is replaced; its records stay, unseen, until they are deleted, and are exported with the scene: for another file rather take another scene.
 
     Example: scenectl scene import kitchen.glb --scene kitchen --profile studio
 
@@ -183,6 +184,7 @@ def import_(
     from scenectl.progress import Progress
     from scenectl.rates import bytes_per_s
     from scenectl.running import connected, run
+    from scenectl.waiting import going_on
     from scenefold.client import scene_name_of
 
     name, speed = scene_name_of(file.stem) if scene is None else scene, bytes_per_s(rate)
@@ -192,13 +194,19 @@ def import_(
 
     async def work(progress: Progress) -> ImportReport:
         async with connected(output.profile) as cluster:
-            _, report = await cluster.scenes.import_file(name, file, progress, speed)
+            _, report = await cluster.scenes.import_file(name, file, progress, speed, replacing=tell)
             return report
 
-    with Progress(quiet=output.json) as progress:
+    def tell(content: SceneDocument) -> None:
+        triangles = counted(content.counts.get("triangles", 0), "triangle")
+        note(f"note: scene {name} shows {content.source} ({triangles}) already: this import replaces it.")
+
+    with going_on("the same command goes on where it was"), Progress(quiet=output.json) as progress:
         report = run(work, progress)
     text = f"{file} is in scene {name}: {report.records} records, {size_text(report.bytes)}, {report.seconds:.1f} s."
     text += "".join(f"\nnot carried over: {line}" for line in report.not_carried)
+    if report.replaced:
+        text += f"\nIt replaces {report.replaced}, whose records stay in the scene and its exports until they are deleted."
     emit(output, {"scene": name, "file": str(file), **report.document()}, text)
 
 

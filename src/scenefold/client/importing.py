@@ -13,7 +13,7 @@ continues it: records that are there already are kept.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import trio
 
-from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_FRAME_BYTES, CLIENT_FRAME_RECORDS
 from scenefold.client.access import SceneAccess
+from scenefold.client.contents import check_camera, content_of
 from scenefold.client.free_places import FreePlaces
 from scenefold.client.fresh import FreshItem, put_fresh
 from scenefold.client.progress import ProgressCallback, ProgressState
@@ -35,6 +35,7 @@ from scenefold.world import World
 
 if TYPE_CHECKING:
     from scenefold.scene.importers import ImportItem, ImportPlan
+    from scenefold.scene.payloads.document import SceneDocument
 
 _UNITS = {"geometry": "triangles", "textures": "tiles", "tables": "pages"}
 
@@ -50,6 +51,8 @@ class ImportReport:
     records_by_node: dict[str, int] = field(default_factory=dict)
     content_sha256: str = ""
     not_carried: tuple[str, ...] = ()
+    replaced: str = ""
+    """The source of what the scene showed before, if that was something else; its records stay."""
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
@@ -61,6 +64,7 @@ class ImportReport:
             "records_by_node": dict(sorted(self.records_by_node.items())),
             "content_sha256": self.content_sha256,
             "not_carried": list(self.not_carried),
+            "replaced": self.replaced,
         }
 
 
@@ -97,10 +101,8 @@ class PreparedImport:
 
     def check_camera(self, name: str | None) -> None:
         """LocalFault if the scene will not have this camera; None is the one that it shows itself by."""
-        names = self.plan.camera_names
-        if name is not None and name not in names:
-            known = ", ".join(map(repr, names[:10])) + (" and others" if len(names) > 10 else "")
-            raise LocalFault(f"the scene has no camera {name!r}", where="camera", remedy=f"choose one of: {known}")
+        if name is not None:
+            check_camera(name, self.plan.camera_names)
 
 
 async def prepare_import(world: World, path: Path, progress: ProgressCallback) -> PreparedImport:
@@ -117,17 +119,27 @@ async def prepare_import(world: World, path: Path, progress: ProgressCallback) -
 
 
 async def store_import(
-    access: SceneAccess, prepared: PreparedImport, progress: ProgressCallback, bytes_per_s: float | None = None
+    access: SceneAccess,
+    prepared: PreparedImport,
+    progress: ProgressCallback,
+    bytes_per_s: float | None = None,
+    replacing: Callable[[SceneDocument], None] | None = None,
 ) -> ImportReport:
-    """Store a prepared file as the scene's content; see `Scene.import_file`."""
+    """Store a prepared file as the scene's content; see `Scene.import_file`. `replacing`: told before that of what the scene shows until then."""
     plan, clock = prepared.plan, access.calls.world.clock
     begun = clock.now()
+    before = await content_of(access)
+    if before is not None and replacing is not None:
+        replacing(before)
     work = _Import(access, plan, prepared.marks, progress, Pace(bytes_per_s))
     for phase in plan.phases():
         await work.put_phase(phase)
     report = work.report
     report.seconds = prepared.read_seconds + clock.now() - begun
-    report.content_sha256 = plan.document().content.hex()
+    now = plan.document()
+    report.content_sha256 = now.content.hex()
+    if before is not None and (before.content, before.records) != (now.content, now.records):
+        report.replaced = before.source
     report.not_carried = plan.not_carried
     return report
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import SceneId
@@ -32,6 +32,9 @@ from scenefold.scene.log import Decider
 from scenefold.wire import ParticipantEntry, SceneLogPublic, SceneMode
 from scenefold.world.keyring import KeptScene, Keyring, checked_name
 from scenefold.world.log_view import LogView
+
+if TYPE_CHECKING:
+    from scenefold.scene.payloads.document import SceneDocument
 
 Result = TypeVar("Result")
 
@@ -167,23 +170,35 @@ class Scenes:
         return await self.create(name, copies=copies, copies_min=copies_min)
 
     async def import_file(
-        self, name: str, path: Path | str, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None
+        self,
+        name: str,
+        path: Path | str,
+        progress: ProgressCallback | bool = False,
+        bytes_per_s: float | None = None,
+        *,
+        replacing: Callable[[SceneDocument], None] | None = None,
     ) -> tuple[Scene, ImportReport]:
         """Import a file into the scene of this name, made if there is none once the file is known to be good.
 
-        See `Scene.import_file`.
+        See `Scene.import_file`. `replacing`: told of what the scene shows, if anything, before that is replaced.
         """
         checked_name(name, "scene")
         tell = callback_of(progress)
         prepared = await prepare_import(self._calls.world, Path(path), tell)
-        return await self.import_prepared(name, prepared, tell, bytes_per_s)
+        return await self.import_prepared(name, prepared, tell, bytes_per_s, replacing=replacing)
 
     async def import_prepared(
-        self, name: str, prepared: PreparedImport, progress: ProgressCallback = no_progress, bytes_per_s: float | None = None
+        self,
+        name: str,
+        prepared: PreparedImport,
+        progress: ProgressCallback = no_progress,
+        bytes_per_s: float | None = None,
+        *,
+        replacing: Callable[[SceneDocument], None] | None = None,
     ) -> tuple[Scene, ImportReport]:
         """The second half of `import_file`, for a file that was read before there was a cluster."""
         scene = await self.open_or_create(name)
-        return scene, await store_import(scene.access, prepared, progress, bytes_per_s)
+        return scene, await store_import(scene.access, prepared, progress, bytes_per_s, replacing)
 
     async def import_archive(self, name: str, path: Path | str, options: RestoreOptions = AS_IT_WAS) -> tuple[Scene, RestoreReport]:
         """Bring what `Scene.export` has written into a new scene of this name, made once the file is known to be good; see `restoring`."""

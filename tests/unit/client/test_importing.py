@@ -12,7 +12,7 @@ from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
-from scenefold.client.importing import prepare_import, scene_name_of
+from scenefold.client.importing import prepare_import, scene_name_of, store_import
 from scenefold.client.progress import ProgressState, no_progress
 from scenefold.client.scene import Scene
 from scenefold.client.sealing import SceneIdentity
@@ -64,6 +64,17 @@ async def test_a_file_becomes_the_content_of_a_scene(autojump_clock: MockClock, 
     assert (await scene.info()).document()["content_sha256"] == report.content_sha256
     assert [state.phase for state in states][:2] == ["read", "read"]
     assert any(state.done == state.total for state in states if state.phase == "geometry")
+
+
+async def test_what_an_import_replaces_is_told_before_it_is_gone(autojump_clock: MockClock, file: Path, tmp_path: Path) -> None:
+    scene, told = _scene(FakeNodes()), list[str]()
+    other = tmp_path / "other.obj"
+    other.write_text(TETRAHEDRON.replace("1 0 0", "2 0 0"))
+    for path, told_of, replaced in ((file, [], ""), (file, ["tetrahedron.obj"], ""), (other, ["tetrahedron.obj"], "tetrahedron.obj")):
+        told.clear()
+        prepared = await prepare_import(scene.access.calls.world, path, no_progress)
+        report = await store_import(scene.access, prepared, no_progress, replacing=lambda content: told.append(content.source))
+        assert (told, report.replaced, report.document()["replaced"]) == (told_of, replaced, replaced)
 
 
 async def test_an_import_stores_no_faster_than_it_is_told(autojump_clock: MockClock, file: Path) -> None:
