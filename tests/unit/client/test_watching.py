@@ -49,6 +49,7 @@ class Street:
             user="owner",
             folder=Path(),
             genesis_header=None,
+            seeds=(),
             log_key=None,
         )
         links: Any = self

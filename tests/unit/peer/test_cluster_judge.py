@@ -54,7 +54,7 @@ def test_who_has_decided_by_the_logs_key_is_the_first_voter() -> None:
     begun = folded(found(3), add(0), add(1), trusted(1))
     assert begun.voting.deciders is None and begun.voters == (node(0),)
     assert folding(begun, named(1)) is ILL_FORMED, "another one has decided until now"
-    assert folding(begun, dismissed(0)) is ILL_FORMED, "nobody is named yet"
+    assert folding(begun, dismissed(0)) is NOT_AUTHORISED, "nobody is named yet, so this would be the last"
     after = begun.apply(record(begun, named(0)))
     assert after.voters == (node(0),) and after.voting.certified_from == after.position
     deciders = after.voting.deciders
@@ -93,7 +93,7 @@ def test_there_are_seven_voters_at_most_and_one_at_least() -> None:
     assert refusal(senate, named(VOTERS_MAX)) is RejectReason.LIMIT_EXCEEDED
     for number in range(1, VOTERS_MAX):
         senate.decide(dismissed(number))
-    assert senate.judge.participants.nodes == {node(0)} and refusal(senate, dismissed(0)) is ILL_FORMED
+    assert senate.judge.participants.nodes == {node(0)} and refusal(senate, dismissed(0)) is NOT_AUTHORISED
 
 
 def test_a_voter_keeps_key_trust_and_place_until_it_is_none() -> None:
