@@ -150,13 +150,14 @@ class _Watch:
 
     async def until_done(self, progress: Progress) -> Stand:
         """How it stands at the end. PeerFault if the organiser says what makes no sense."""
-        clock = self._cluster.calls.world.clock
+        clock, is_prepared = self._cluster.calls.world.clock, False
         while True:
             reply = await self._ask(JobState(job=self._job), JobStateReply)
             stand = stand_of(reply.document, self._address)
             if stand.phase == "failed":
                 raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
-            if stand.phase in ("rendering", "done"):
+            if stand.phase in ("rendering", "done") and not is_prepared:
+                is_prepared = True
                 progress("prepare", 1, 1)
             if stand.phase == "rendering":
                 progress("render", stand.closed, stand.passes)

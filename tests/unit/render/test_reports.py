@@ -10,6 +10,7 @@ import pytest
 import trio
 from hypothesis import given
 from hypothesis import strategies as some
+from trio.testing import MockClock
 
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.rays import RAY_BYTES
@@ -130,6 +131,18 @@ def nothing(_phase: str, _done: int, _total: int) -> None:
 async def test_an_ill_formed_state_ends_the_waiting(state: dict[str, Any]) -> None:
     with pytest.raises(PeerFault):
         await watch(lambda _: JobStateReply(job=1, document=pack_value(state))).until_done(nothing)
+
+
+async def test_each_phase_is_told_until_it_is_over_and_not_again(autojump_clock: MockClock) -> None:
+    closed, told = iter((0, 1, 1)), list[tuple[str, int, int]]()
+    phases = iter(("preparing", "rendering", "rendering", "done"))
+
+    def state(_packet: Packet) -> JobStateReply:
+        phase = next(phases)
+        return JobStateReply(job=1, document=pack_value({**STATE, "phase": phase, "closed": 0 if phase == "preparing" else next(closed)}))
+
+    await watch(state).until_done(lambda *step: told.append(step))
+    assert told == [("prepare", 1, 1), ("render", 0, 1), ("render", 1, 1), ("render", 1, 1)]
 
 
 async def test_a_failed_job_says_why() -> None:
