@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
 from typing import TypeVar, Unpack
@@ -119,7 +120,9 @@ class Cluster:
         ids = tuple(bytes.fromhex(loss.id) for loss in health.losses)
         for node in health.status.nodes if ids else ():
             if node.alive:
-                await self.calls.ask(node.address, AcknowledgeLosses(ids), LossesKept, priority=Priority.HIGH)
+                # One that has died since holds up none of the others: it tells it when it is back, and so does the health that is asked for next.
+                with suppress(Unreachable):
+                    await self.calls.ask(node.address, AcknowledgeLosses(ids), LossesKept, priority=Priority.HIGH)
 
     async def prove(
         self,

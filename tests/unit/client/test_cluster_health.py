@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import copy
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from scenefold.base.errors import PeerFault
+from scenefold.base.errors import PeerFault, Unreachable
+from scenefold.client import Cluster
 from scenefold.client.cluster_health import ClusterHealth, Condition, health_of
 from scenefold.client.health import NEVER_CAME, NodeState
+from scenefold.wire import AcknowledgeLosses, LossesKept
+from scenefold.world import Priority
 from unit.client.test_health import ADDRESSES, arc, missing, node, report, status_of
 
 SOUND: dict[str, Any] = {
@@ -301,6 +305,21 @@ def test_what_may_be_lost_degrades_until_it_is_acknowledged_and_is_told_once() -
     assert told == LOSS
     (less,) = health(*nodes(copies(lost=[{**LOSS, "complete_copy_left": True}]))).ailments
     assert "what was acknowledged last" in less.text
+
+
+async def test_a_node_that_dies_holds_up_no_acknowledgement_by_others() -> None:
+    asked: list[str] = []
+
+    async def ask(address: str, packet: AcknowledgeLosses, _reply: object, *, priority: Priority) -> LossesKept:
+        assert packet.ids == (bytes.fromhex(LOSS["id"]),) and priority is Priority.HIGH
+        asked.append(address)
+        if address == ADDRESSES[0]:
+            raise Unreachable("it has just died", where=address)
+        return LossesKept(())
+
+    cluster: Any = SimpleNamespace(calls=SimpleNamespace(ask=ask))
+    await Cluster.acknowledge_losses(cluster, health(*nodes(copies(lost=[LOSS]))))
+    assert asked == list(ADDRESSES[: len(asked)]) and len(asked) > 1
 
 
 @pytest.mark.parametrize("wrong", [{"id": "0"}, {"id": 7}, {"share": "much"}, {"removed": ["x"]}, {"complete_copy_left": 1}])
