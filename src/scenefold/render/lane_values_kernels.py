@@ -5,6 +5,7 @@ All of it takes plain numbers as well, where that makes sense: `any_lane` of a b
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from numba.extending import intrinsic
 
 from scenefold.render.lanes_kernels import (
     BIT_TYPE,
-    F64_TYPE,
     FLAGS,
     I32_TYPE,
     LANES,
@@ -144,84 +144,56 @@ def with_lane(typingctx, lanes, number, value):
 # Between types ----------------------------------------------------------------------------------------------
 
 
-def _kind_like(value: types.Type, of_lanes: Lanes, of_number: types.Type) -> types.Type:
-    return of_lanes if isinstance(value, Lanes) else of_number
+def _converter(takes: Lanes, gives: Lanes, build: Callable[[Any, Any, bool], Any], about: str) -> Any:
+    """A function of lanes, or of a number. `build`: of the builder, the value and whether there are several."""
+
+    @intrinsic
+    def convert(typingctx, value):
+        several = isinstance(value, Lanes)
+        if several and value is not takes:
+            return None
+        result = gives if several else gives.element
+
+        def codegen(context, builder, sig, args):
+            operand = args[0] if several else context.cast(builder, args[0], sig.args[0], takes.element)
+            return build(builder, operand, several)
+
+        return signature(result, value), codegen
+
+    convert.__doc__ = about
+    return convert
 
 
-@intrinsic
-def as_word(typingctx, value):
-    """A whole number as u64; lanes of words as they are."""
-    result = _kind_like(value, WORDS, types.uint64)
-
-    def codegen(context, builder, sig, args):
-        return args[0] if isinstance(sig.args[0], Lanes) else context.cast(builder, args[0], sig.args[0], types.uint64)
-
-    return signature(result, value), codegen
+def _machine(lanes: Lanes, several: bool) -> ir.Type:
+    return lanes.vector if several else lanes.vector.element
 
 
-@intrinsic
-def bits_of(typingctx, value):
-    """The 64 bits of f64."""
-    result = _kind_like(value, WORDS, types.uint64)
-
-    def codegen(context, builder, sig, args):
-        real = args[0] if isinstance(sig.args[0], Lanes) else context.cast(builder, args[0], sig.args[0], types.float64)
-        return builder.bitcast(real, context.get_value_type(result))
-
-    return signature(result, value), codegen
+def _singles(kind: ir.Type, several: bool) -> ir.Type:
+    """As many of another type."""
+    return ir.VectorType(kind, LANES) if several else kind
 
 
-@intrinsic
-def real_of_bits(typingctx, value):
-    """The f64 with these 64 bits."""
-    result = _kind_like(value, REALS, types.float64)
-
-    def codegen(context, builder, sig, args):
-        word = args[0] if isinstance(sig.args[0], Lanes) else context.cast(builder, args[0], sig.args[0], types.uint64)
-        return builder.bitcast(word, context.get_value_type(result))
-
-    return signature(result, value), codegen
+def _floored(builder: Any, value: Any, several: bool) -> Any:
+    return call_llvm(builder, f"llvm.floor.v{LANES}f64" if several else "llvm.floor.f64", value)
 
 
-@intrinsic
-def rounded_down(typingctx, value):
-    """The largest whole number not above, as f64."""
-    result = _kind_like(value, REALS, types.float64)
-
-    def codegen(context, builder, sig, args):
-        if isinstance(sig.args[0], Lanes):
-            return call_llvm(builder, f"llvm.floor.v{LANES}f64", args[0])
-        return call_llvm(builder, "llvm.floor.f64", context.cast(builder, args[0], sig.args[0], types.float64))
-
-    return signature(result, value), codegen
+def _to_f32(builder: Any, value: Any, several: bool) -> Any:
+    return builder.fpext(builder.fptrunc(value, _singles(ir.FloatType(), several)), _machine(REALS, several))
 
 
-@intrinsic
-def in_f32(typingctx, value):
-    """Rounded to f32, as f64."""
-    result = _kind_like(value, REALS, types.float64)
-
-    def codegen(context, builder, sig, args):
-        if not isinstance(sig.args[0], Lanes):
-            return builder.fpext(builder.fptrunc(context.cast(builder, args[0], sig.args[0], types.float64), ir.FloatType()), F64_TYPE)
-        return builder.fpext(builder.fptrunc(args[0], ir.VectorType(ir.FloatType(), LANES)), REALS.vector)
-
-    return signature(result, value), codegen
+def _of_f32_bits(builder: Any, value: Any, several: bool) -> Any:
+    single = builder.bitcast(builder.trunc(value, _singles(I32_TYPE, several)), _singles(ir.FloatType(), several))
+    return builder.fpext(single, _machine(REALS, several))
 
 
-@intrinsic
-def f32_of_bits(typingctx, value):
-    """The f32 with the lower 32 bits, as f64."""
-    result = _kind_like(value, REALS, types.float64)
-
-    def codegen(context, builder, sig, args):
-        many = isinstance(sig.args[0], Lanes)
-        word = args[0] if many else context.cast(builder, args[0], sig.args[0], types.uint64)
-        half, single = (ir.VectorType(I32_TYPE, LANES), ir.VectorType(ir.FloatType(), LANES)) if many else (I32_TYPE, ir.FloatType())
-        return builder.fpext(builder.bitcast(builder.trunc(word, half), single), context.get_value_type(result))
-
-    return signature(result, value), codegen
-
+as_word = _converter(WORDS, WORDS, lambda _, value, __: value, "A whole number as u64; lanes of words as they are.")
+bits_of = _converter(REALS, WORDS, lambda builder, value, several: builder.bitcast(value, _machine(WORDS, several)), "The 64 bits of f64.")
+real_of_bits = _converter(
+    WORDS, REALS, lambda builder, value, several: builder.bitcast(value, _machine(REALS, several)), "The f64 with these 64 bits."
+)
+rounded_down = _converter(REALS, REALS, _floored, "The largest whole number not above, as f64.")
+in_f32 = _converter(REALS, REALS, _to_f32, "Rounded to f32, as f64.")
+f32_of_bits = _converter(WORDS, REALS, _of_f32_bits, "The f32 with the lower 32 bits, as f64.")
 
 _BIG = 4503599627370496.0
 _BIG_BITS = np.uint64(0x4330000000000000)

@@ -25,7 +25,7 @@ from numba.extending import lower_builtin, models, register_model
 
 LANES: Final = 4
 
-I32_TYPE, _I64, BIT_TYPE, F64_TYPE = ir.IntType(32), ir.IntType(64), ir.IntType(1), ir.DoubleType()
+I32_TYPE, _I64, BIT_TYPE, _F64 = ir.IntType(32), ir.IntType(64), ir.IntType(1), ir.DoubleType()
 
 
 class Lanes(types.Type):  # type: ignore[misc]
@@ -40,7 +40,7 @@ class Lanes(types.Type):  # type: ignore[misc]
         return self.element
 
 
-REALS: Final = Lanes(types.float64, F64_TYPE)
+REALS: Final = Lanes(types.float64, _F64)
 WORDS: Final = Lanes(types.uint64, _I64)
 FLAGS: Final = Lanes(types.boolean, BIT_TYPE)
 LANES_OF: Final = {kind.element: kind for kind in (REALS, WORDS, FLAGS)}

@@ -22,6 +22,7 @@ from typing import TypeVar
 import lmdb
 
 from scenefold.base.errors import LocalFault
+from scenefold.crypto.drafts import sync_folder
 from scenefold.store.folder import FolderLock
 from scenefold.store.lmdb_transaction import LmdbTransaction
 from scenefold.store.passage import Passage
@@ -220,11 +221,7 @@ def _make(folder: Path) -> None:
     except BaseException:
         new.unlink(missing_ok=True)
         raise
-    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    sync_folder(folder)
 
 
 def check_begun(path: Path) -> None:

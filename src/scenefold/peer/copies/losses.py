@@ -13,13 +13,10 @@ from scenefold.base.location import LINE_LENGTH, Arc, Location
 from scenefold.base.placement import Layout
 from scenefold.peer.copies.entries import Entry, clipped
 from scenefold.wire import Member
+from scenefold.wire.loss_packets import LOSS_ARCS_MAX, LOSS_NODES_MAX
 
 LOSSES_MIN = 2
 """Nodes. Who lets one disk be enough for a write is promised nothing if one is lost; that is said only if no complete copy is left."""
-REMOVED_MAX = 16
-"""Nodes that are named: the newest."""
-ARCS_MAX = 32
-"""Beyond it the last ones are named with all that lies between them: too much rather than too little."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +84,7 @@ def _verdict(
     if len(lost) < max(LOSSES_MIN, needed or LOSSES_MIN):
         # So few cannot have been all that had anything.
         return None
-    return newest is not None, tuple(lost[-REMOVED_MAX:])
+    return newest is not None, tuple(lost[-LOSS_NODES_MAX:])
 
 
 def _newest(gone: Sequence[Member], lost: Sequence[Member]) -> tuple[Member, ...]:
@@ -105,11 +102,12 @@ def _stretches(gap: Arc, entries: Sequence[Entry]) -> list[Arc]:
 
 
 def _few(arcs: Sequence[Arc]) -> tuple[Arc, ...]:
+    """As many as a loss names. Of more the last ones are one, with all that lies between them: too much rather than too little."""
     joined: list[Arc] = []
     for arc in sorted(arcs, key=lambda arc: arc.first):
         if (joined and joined[-1].last.next() in (None, arc.first)) or (joined and arc.first in joined[-1]):
             joined[-1] = Arc(joined[-1].first, max(arc.last, joined[-1].last))
         else:
             joined.append(arc)
-    first, rest = joined[: ARCS_MAX - 1], joined[ARCS_MAX - 1 :]
+    first, rest = joined[: LOSS_ARCS_MAX - 1], joined[LOSS_ARCS_MAX - 1 :]
     return (*first, Arc(rest[0].first, rest[-1].last)) if rest else tuple(first)

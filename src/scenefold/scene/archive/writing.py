@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from scenefold.base.errors import LocalFault
+from scenefold.crypto.drafts import sync_folder
 from scenefold.scene.archive.layout import DESCRIPTION, END, ArchivedRecord, ArchivedScene, Totals, part_name
 
 FILE_MODE = 0o600
@@ -66,7 +67,7 @@ class NewArchive:
             check_free(self._place)
             self._partial.rename(self._place)
             self._close()
-            _sync_folder(self._place.parent)
+            sync_folder(self._place.parent)
 
     def abandon(self) -> None:
         """Leave nothing of it, unless it was finished."""
@@ -118,14 +119,6 @@ def _locked(partial: Path) -> BinaryIO:
         file.close()
         raise
     return file
-
-
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _not_written(place: Path, problem: OSError) -> LocalFault:
