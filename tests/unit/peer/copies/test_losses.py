@@ -11,11 +11,11 @@ from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.peer.copies.entries import Entry
-from scenefold.peer.copies.losses import ARCS_MAX, Loss, losses_in
+from scenefold.peer.copies.losses import Loss, losses_in
 from scenefold.peer.copies.losses_note import ACKNOWLEDGED_MAX, Losses, decode_losses, encode_losses, id_of
 from scenefold.wire import Member, NotedLoss, pack_value
 from scenefold.wire.copy_packets import Span
-from scenefold.wire.loss_packets import LOSSES_KEPT_MAX
+from scenefold.wire.loss_packets import LOSS_ARCS_MAX, LOSSES_KEPT_MAX
 from unit.peer.copies.test_configurations import ONE, TWO, A, B, C, D, P, Q, arc
 
 GAP = arc(0, 99)
@@ -79,7 +79,7 @@ def test_a_layout_of_no_space_and_what_was_never_held_with_nobody_lost() -> None
 def test_many_parts_are_named_by_what_covers_them() -> None:
     told = [entry([P, A, C], where=arc(2 * index, 2 * index)) for index in range(50)]
     (found,) = lost({C: told}, P, B)
-    assert len(found.arcs) == ARCS_MAX and found.arcs[0] == arc(1, 1) and found.arcs[-1].last == arc(99, 99).last
+    assert len(found.arcs) == LOSS_ARCS_MAX and found.arcs[0] == arc(1, 1) and found.arcs[-1].last == arc(99, 99).last
 
 
 # ---------------------------------------------------------------------------------------------------------------- kept
