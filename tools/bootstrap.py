@@ -303,7 +303,7 @@ def bring_up(root: str, wanted: str, extras: List[str]) -> None:
 
 def warm_kernels(root: str) -> None:
     """Compile the kernels once, so that the nodes of the first cluster need not all do it. Only comfort: it may fail."""
-    say("compiling the render kernels, half a minute")
+    say("compiling the render kernels, a minute or two")
     with open(os.path.join(root, ".venv", "bootstrap.log"), "ab") as file:
         command = [venv_python(root), "-m", "scenefold.render.warm"]
         if subprocess.call(command, cwd=root, stdout=file, stderr=subprocess.STDOUT, env=clean_environment()):
