@@ -267,6 +267,37 @@ async def test_while_the_first_voter_is_away_no_scene_is_made_and_nobody_doubts_
     assert (await scenes_of(nodes, tmp_path).create("kitchen")).name == "kitchen"
 
 
+@pytest.mark.parametrize("comes_back", [True, False])
+async def test_a_keeper_that_goes_before_anything_is_sent_to_it_is_waited_for_and_has_refused_nothing(
+    autojump_clock: MockClock, tmp_path: Path, comes_back: bool
+) -> None:
+    """Who hands on says at once that nothing came to it; that is silence of the one that decides, and no refusal."""
+    nodes = Nodes()
+    scene, hall = await hall_of(nodes, tmp_path)
+    offers = 0
+
+    def away(address: str, packet: ProposeSceneLog) -> Packet:
+        nonlocal offers
+        offers += 1
+        if comes_back and offers > 3:
+            nodes.offered = None
+            return nodes._propose(packet)
+        if address == KEEPER:
+            raise NotReached("Connection refused", where=address)
+        return RejectSceneProposal(RejectReason.PEER_MISSED, node_id_of(KEEPER))
+
+    nodes.offered = away
+    if comes_back:
+        await hall.translate(STEP)
+        assert await where(hall) == 1.0
+        return
+    with pytest.raises(Unreachable, match=r"^the node that decides the scene's log does not answer: nothing was changed") as told:
+        await hall.translate(STEP)
+    assert told.value.where == f"scene {scene.name}, {KEEPER}" and told.value.remedy
+    nodes.offered = None
+    assert await where(hall) == 0.0
+
+
 @pytest.mark.parametrize(
     ("reason", "kept"), [(RejectReason.BUSY, True), (RejectReason.NOT_READY, True), (RejectReason.STORAGE_FULL, False)]
 )
