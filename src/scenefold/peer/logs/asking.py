@@ -100,9 +100,7 @@ class Asking:
         late = [request for request in self._waiting if request.deadline <= now]
         for request in late:
             self._waiting.remove(request)
-            outcome = Outcome.UNKNOWN if _is_under_way(request, state) else Outcome.REJECTED
-            reason = RejectReason.NO_MAJORITY if outcome is Outcome.REJECTED else None
-            request.finish(Answer(outcome, state.position + 1, reason))
+            request.finish(_late(request, state))
 
     def next_late_at(self) -> float:
         """When the first of those that wait is to be answered."""
@@ -136,15 +134,20 @@ class Asking:
         self._waiting.clear()
 
 
-def _is_under_way(request: _Request, state: State) -> bool:
-    """Whether this node has begun it earlier, or is at it, for whomever."""
-    if request.make is None:
-        return False
-    try:
-        digest = request.make(state.judge).digest
-    except Refused:
-        return False
-    return digest in state.slot.exposed | {state.slot.accepted_digest, state.proposal.digest}
+def _late(request: _Request, state: State) -> Answer | Refused:
+    """What is told to one whose turn did not come: by what is decided here, and by what this node has begun earlier or is at, for whomever."""
+    position = state.position + 1
+    if request.make is not None:
+        try:
+            value = request.make(state.judge)
+        except Refused as refused:
+            return refused
+        found = state.judge.found(value)
+        if found is not None:
+            return Answer(Outcome.COMMITTED, found)
+        if value.digest in state.slot.exposed | {state.slot.accepted_digest, state.proposal.digest}:
+            return Answer(Outcome.UNKNOWN, position)
+    return Answer(Outcome.REJECTED, position, RejectReason.NO_MAJORITY)
 
 
 def _check(value: Value | None, state: State) -> None:

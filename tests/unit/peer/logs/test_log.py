@@ -12,17 +12,17 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Decide, Judge, Outcome, Propose, Value
+from scenefold.consensus import Decide, Judge, Outcome, Propose, State, Value
 from scenefold.consensus.timing import Timing
 from scenefold.peer.logs import Answer, Owner
-from scenefold.peer.logs.asking import WAITING_MAX
+from scenefold.peer.logs.asking import WAITING_MAX, Asking
 from scenefold.store.layout import LOGS, NOTES
 from scenefold.store.log_rows import decided_key, unpack_decided, votes_key
 from scenefold.store.logs import Beside
 from scenefold.store.sealing import opened
 from scenefold.wire import Ballot, Phase, ProposalId
 from scenefold.world.sim import CALM, Point, Weather, run_simulated
-from unit.consensus.logs_made import GENESIS
+from unit.consensus.logs_made import GENESIS, Book, participants
 from unit.peer.logs.town import Node, Town, request_maker, until
 from unit.peer.logs.watch import log_on, slot_on
 
@@ -151,6 +151,33 @@ def test_who_waits_behind_others_is_answered_in_time() -> None:
         assert max(took for _, took in found.values()) < 6.1
 
     in_town(3, main)
+
+
+async def test_whose_time_is_over_is_told_what_the_log_says_of_it_by_then() -> None:
+    """Others had it decided while it waited behind something here: that is not refused. And what fits no more is not for want of a majority."""
+    first = Book(participants(1, 2, 3))
+    asking, said = Asking(lambda: None), dict[str, Answer | RejectReason]()
+
+    def unfit(_judge: Judge) -> Value:
+        raise Refused(RejectReason.POSITION_BEHIND, "the log went on")
+
+    async def one(name: str, make: Any) -> None:
+        try:
+            said[name] = await asking.ask(make, 5.0, is_for_all=False, is_forced=False, needs_consent=True)
+        except Refused as refused:
+            said[name] = refused.reason
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(one, "it", lambda judge: judge.value("it", 1))
+        nursery.start_soon(one, "other", lambda judge: judge.value("other", 1))
+        nursery.start_soon(one, "unfit", unfit)
+        await trio.testing.wait_all_tasks_blocked()
+        asking.expire(State(first.after(first.value("it", 2)), 1), 5.0)
+    assert said == {
+        "it": Answer(Outcome.COMMITTED, 1),
+        "other": Answer(Outcome.REJECTED, 2, RejectReason.NO_MAJORITY),
+        "unfit": RejectReason.POSITION_BEHIND,
+    }
 
 
 @pytest.mark.parametrize("point", list(Point))
