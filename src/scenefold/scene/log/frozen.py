@@ -33,7 +33,9 @@ def check_mode(mode: SceneMode, spaces: Mapping[SpaceId, LoggedSpace], entry: Lo
         case SetMode():
             return entry.mode
         case CreateSpace():
-            is_output, what = entry.render_output, "no space is made"
+            # A shadow changes where the records of its parent lie. A parent that is made in this very batch was looked at.
+            of_output = entry.parent not in spaces or spaces[entry.parent].render_output
+            is_output, what = entry.render_output and of_output, "no space is made"
         case TranslateSpace() | ScaleSpace() | SetCopies():
             # One that is not there was made in this very batch, or does not fit, and others say so.
             is_output, what = entry.space not in spaces or spaces[entry.space].render_output, "no space is changed"

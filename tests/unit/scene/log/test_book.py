@@ -100,6 +100,7 @@ def test_the_newest_word_on_what_an_image_is_counts_and_while_it_is_rendered_nob
 
 
 OUTPUT = space(space=SpaceId(40), name="output", render_output=True)
+FIFTH = Location.from_number(5)
 
 
 @pytest.mark.parametrize(
@@ -129,6 +130,12 @@ def test_while_a_scene_is_rendered_nobody_adds_what_would_change_its_spaces(entr
         space(space=SpaceId(50), name="more output", render_output=True),
         TranslateSpace(SpaceId(40), (1.0, 2.0, 3.0)),
         Batch((space(space=SpaceId(50), name="more output", render_output=True), ScaleSpace(SpaceId(50), 2.0))),
+        Batch(
+            (
+                space(space=SpaceId(50), name="more output", render_output=True, copies=2, copies_min=1),
+                space(space=SpaceId(51), name="its copy", parent=SpaceId(50), offset=FIFTH, render_output=True),
+            )
+        ),
         Batch((SetMode(SceneMode.EDIT), ScaleSpace(HALL, 2.0))),
     ],
     ids=lambda entry: type(entry).__name__,
@@ -136,6 +143,16 @@ def test_while_a_scene_is_rendered_nobody_adds_what_would_change_its_spaces(entr
 def test_spaces_for_the_output_of_renders_are_made_and_changed_in_any_mode(entry: LogEntry) -> None:
     log = with_entries(space(), OUTPUT, SetMode(SceneMode.RENDER))
     assert log.apply(log.next_record(entry, b"r" * 16, ORIGIN)).position == log.position + 1
+
+
+def test_a_shadow_is_for_the_output_of_renders_if_what_it_copies_is() -> None:
+    """A space of a former version may lack shadows: one more has its records lie elsewhere, whatever the shadow says of itself."""
+    log = with_entries()
+    for entry in (space(copies=2), SetMode(SceneMode.RENDER)):
+        log = log.extended((log.next_record(entry, log.position.to_bytes(16, "big"), ORIGIN),))
+    shadow = space(space=SpaceId(50), name="shadow", parent=HALL, offset=FIFTH, render_output=True)
+    with pytest.raises(Refused, match="in render mode: no space is made but for the output of renders"):
+        log.apply(log.next_record(shadow, b"r" * 16, ORIGIN))
 
 
 def at(number: int) -> Location:
