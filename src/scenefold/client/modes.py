@@ -113,23 +113,25 @@ def _switched_again(access: SceneAccess, mode: SceneMode, shown: ModeShown) -> R
 
 async def _so_since(access: SceneAccess, mode: SceneMode) -> int | None:
     with suppress(Unreachable, Refused):
-        return _since(await access.read_log(), mode)
+        log = await access.read_log()
+        return _since(log, mode) if log.state.mode is mode else None
     return None
 
 
 def _since(log: ReadLog, mode: SceneMode) -> int | None:
-    """The position that last brought this mode; None if the records do not say, as they begin behind it, or end in another one."""
-    if log.state.mode is not mode:
-        return None
+    """The position that last brought this mode, whatever came later; None if the records do not say, as they begin behind it."""
     for signed in reversed(log.log.records):
         record = signed.decoded()
-        if _sets(record.entry):
+        if _set_by(record.entry) is mode:
             return record.position
-    return None if log.log.snapshot is not None else 1
+    return None if log.log.snapshot is not None or mode is not SceneMode.EDIT else 1
 
 
-def _sets(entry: LogEntry) -> bool:
-    return isinstance(entry, SetMode) or (isinstance(entry, Batch) and any(map(_sets, entry.entries)))
+def _set_by(entry: LogEntry) -> SceneMode | None:
+    """The mode behind an entry that sets one."""
+    if isinstance(entry, Batch):
+        return next((mode for mode in map(_set_by, reversed(entry.entries)) if mode is not None), None)
+    return entry.mode if isinstance(entry, SetMode) else None
 
 
 async def _header(access: SceneAccess) -> SceneLogPublic:

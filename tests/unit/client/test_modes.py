@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,10 @@ from scenectl.modes import mode_text, so_already_text
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.client import modes
+from scenefold.client.log_reading import ReadLog
 from scenefold.client.modes import ACTIVE_S_MAX, LOOK_S, ModeShown, mode_of, set_mode
-from scenefold.wire import BorrowLease, LeaseUse, LentLease, Packet, SceneLogPublic, SceneMode, SetMode
+from scenefold.scene.log import SceneLog
+from scenefold.wire import BorrowLease, LeaseUse, LentLease, LogEntry, Packet, SceneLogPublic, SceneMode, SetMode
 from scenefold.world import Priority
 from unit.client.fake_council import FIVE, FakeCouncil
 from unit.client.test_participants import STEP, hall_of
@@ -126,6 +129,26 @@ async def test_who_was_not_the_first_to_switch_has_decided_nothing(
     told: list[int | None] = []
     shown = await set_mode(scene.access, SceneMode.RENDER, lambda _: pytest.fail("decided"), told.append)
     assert shown.is_active and told == [old.position + 1]
+
+
+async def test_what_is_called_decided_is_the_entry_that_switched_and_no_later_one(
+    autojump_clock: MockClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The answer to it was lost, say, and by the time that it is found in the log somebody else has switched back."""
+    council = Lenders()
+    scene, _ = await hall_of(council, tmp_path)
+    change, ours = scene.access.change_log, council.newest(scene.id).position + 1
+
+    async def overtaken(entry_of: Callable[[SceneLog], LogEntry], *, forced: bool = False) -> ReadLog:
+        await change(entry_of, forced=forced)
+        await change(lambda _: SetMode(SceneMode.EDIT))
+        return await scene.access.read_log()
+
+    monkeypatch.setattr(scene.access, "change_log", overtaken)
+    decided: list[int] = []
+    with pytest.raises(Refused, match="somebody else has switched the scene to edit mode since"):
+        await set_mode(scene.access, SceneMode.RENDER, decided.append)
+    assert decided == [ours]
 
 
 @pytest.mark.parametrize("is_active, words", [(True, "which is active"), (False, "not active yet"), (None, "unknown")])
