@@ -300,6 +300,25 @@ def test_whoever_asks_waits_no_longer_than_to_the_deadline_and_what_is_under_way
     assert world.agree() == ["it"]
 
 
+def test_what_nobody_waits_for_any_more_ends_with_the_ballot_that_is_under_way() -> None:
+    """Else it would go on for ever, and nobody could ask this node for anything."""
+    world = World(1, A, B, C)
+    world.filter = lambda source, target, message: not (isinstance(message, Propose) and message.proposal.phase is Phase.ACCEPT)
+    world.ask(A, "it", within=1.0)
+    world.run(1.01)
+    state = world.nodes[A].state
+    assert state is not None and state.proposal.id is not None and not state.proposal.is_asked
+    ballot = state.proposal.id.ballot
+
+    def is_idle() -> bool:
+        state = world.nodes[A].state
+        return state is not None and state.proposal.stage is Stage.IDLE
+
+    timing = world.timing
+    world.run(2 * timing.pass_s(2, ballot.counter) + timing.rest_s(1)[1], is_idle)
+    assert is_idle() and world.nodes[A].disk.slot.promised == ballot, "no other ballot follows"
+
+
 def test_the_deadline_of_who_was_answered_ends_nothing_of_what_follows() -> None:
     """It had been answered before; what is taken over when its time comes goes on."""
     world = World(1, A, B, C)
