@@ -54,7 +54,7 @@ def losses_in(
         here = {member: [entry for entry in entries if entry.layout == layout] for member, entries in met.items()}
         for arc in _stretches(gap, [entry for entries in here.values() for entry in entries]):
             stretch = {member: entry for member, entries in here.items() for entry in entries if arc.first in entry.arc}
-            verdict = _verdict(me, stretch, heard, layouts.get(layout), is_lost, lost)
+            verdict = _verdict(me, stretch, layouts.get(layout), is_lost, lost)
             if verdict is not None:
                 found.setdefault((1 + len(layout), *verdict), []).append(arc)
     return [Loss(*about, arcs=_few(arcs)) for about, arcs in found.items()]
@@ -63,7 +63,6 @@ def losses_in(
 def _verdict(
     me: Member,
     stretch: Mapping[Member, Entry],
-    heard: Mapping[Member, object],
     needed: int | None,
     is_lost: Callable[[Member], bool],
     lost: Sequence[Member],
@@ -76,15 +75,21 @@ def _verdict(
             gone = [member for member in entry.members if is_lost(member)]
             if len(gone) >= max(LOSSES_MIN, entry.needed):
                 return True, _newest(gone, lost)
-        if all(member in stretch or member not in heard for member in newest.members[1:] if member != me):
+        bound = [member for member in newest.members[1:] if member == me or _is_bound(stretch.get(member), newest)]
+        if len(bound) > len(newest.members) - max(LOSSES_MIN, newest.needed):
             return None
-        # A member holds nothing there any more: there was a later configuration, of which nobody has heard.
+        # So few hold it still that it may have been closed: there may have been a later configuration, of which nobody has heard.
     if needed is None and not stretch:
         return None
     if len(lost) < max(LOSSES_MIN, needed or LOSSES_MIN):
         # So few cannot have been all that had anything.
         return None
     return newest is not None, tuple(lost[-LOSS_NODES_MAX:])
+
+
+def _is_bound(told: Entry | None, entry: Entry) -> bool:
+    """Whether a member has confirmed nothing that is newer than a configuration: as long as enough are so, it binds all writes."""
+    return told is not None and told.number <= entry.number
 
 
 def _newest(gone: Sequence[Member], lost: Sequence[Member]) -> tuple[Member, ...]:

@@ -45,7 +45,7 @@ def test_where_all_are_gone_who_held_it_everything_may_be_lost() -> None:
     (found,) = lost({}, P, A, B)
     assert found == Loss(3, False, (P, A, B), (GAP,))
     left = entry([P, A, C], where=arc(0, 49))
-    cut = lost({C: [left]}, P, B)
+    cut = lost({A: [left], C: [left]}, P, B)
     assert cut == [Loss(3, False, (P, B), (arc(50, 99),))], "only there"
 
 
@@ -69,6 +69,25 @@ def test_a_configuration_that_nobody_has_heard_of_may_have_counted() -> None:
     assert lost({B: [stale], A: ()}, P, C, D) == [Loss(3, True, (P, C, D), (GAP,))]
 
 
+def test_who_was_away_while_the_others_left_knows_of_no_later_configuration() -> None:
+    """B was away. A was drained, or P gave the place to another owner: that one needs B for no write, and B says what was so before."""
+    stale = entry([P, A, B])
+    everything = Loss(3, True, (P, C), (GAP,))
+    assert lost({B: [stale]}, P, C, silent=(D,)) == [everything], "A is neither lost nor asked, so it was drained"
+    assert lost({B: [stale], P: ()}, C, A, silent=(D,)) == [Loss(3, True, (C, A), (GAP,))], "P has given it to C"
+    newer = entry([C, A, D], number=9, whole=False)
+    assert lost({B: [stale], A: [newer]}, P, Q, silent=(D,)) == [Loss(3, True, (P, Q), (GAP,))], "A holds for another owner by now"
+    assert lost({B: [stale]}, P, silent=(D,)) == [], "one alone was not all that had it"
+
+
+def test_what_enough_still_hold_binds_every_later_write() -> None:
+    old, newer = entry([P, A, B]), entry([P, A, D], number=7)
+    assert lost({A: [newer], B: [old], D: [newer]}, P, C, silent=()) == []
+    assert lost({A: [newer], B: [old], D: [old]}, P, C, silent=()) == [], "D has not heard of the newer one, so it holds for it as well"
+    wide = entry([P, A, B, D], needed=3)
+    assert lost({A: [wide], B: [wide]}, P, D, C, silent=()) == [], "two of three are enough where three had to have it"
+
+
 def test_a_layout_of_no_space_and_what_was_never_held_with_nobody_lost() -> None:
     assert lost({}, P, A, B, asked={}) == []
     assert lost({}, asked={ONE: 2, TWO: 2}) == []
@@ -78,7 +97,7 @@ def test_a_layout_of_no_space_and_what_was_never_held_with_nobody_lost() -> None
 
 def test_many_parts_are_named_by_what_covers_them() -> None:
     told = [entry([P, A, C], where=arc(2 * index, 2 * index)) for index in range(50)]
-    (found,) = lost({C: told}, P, B)
+    (found,) = lost({A: told, C: told}, P, B)
     assert len(found.arcs) == LOSS_ARCS_MAX and found.arcs[0] == arc(1, 1) and found.arcs[-1].last == arc(99, 99).last
 
 
