@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
 from typing import TypeVar, Unpack
@@ -41,6 +40,7 @@ from scenefold.crypto import Card, MemberSecrets, PublicKey
 from scenefold.scene.log import Decider
 from scenefold.wire import AcknowledgeLosses, BlacklistChanged, ChangeBlacklist, DrainNode, LossesKept, RequestReport, RespondTable, Status
 from scenefold.wire import NodeReport as Reported
+from scenefold.wire.loss_packets import LOSSES_KEPT_MAX
 from scenefold.world import Links, Priority, World
 from scenefold.world.log_file import LogFile
 from scenefold.world.profile import ClusterProfile
@@ -116,13 +116,26 @@ class Cluster:
         return health_of(await self.status())
 
     async def acknowledge_losses(self, health: ClusterHealth) -> None:
-        """Let no node tell any more what may be lost as `health` has it. For administrators. A node that does not answer goes on telling it."""
-        ids = tuple(bytes.fromhex(loss.id) for loss in health.losses)
+        """Let no node tell any more what may be lost as `health` has it. For administrators. A node that does not answer goes on telling it.
+
+        Refused or PeerFault if one does not take it, as with a full disk, once all others were asked.
+        """
+        ids = [bytes.fromhex(loss.id) for loss in health.losses]
+        # Each node keeps no more than that, but not all need keep the same.
+        parts = [tuple(ids[first : first + LOSSES_KEPT_MAX]) for first in range(0, len(ids), LOSSES_KEPT_MAX)]
+        failed: list[Refused | PeerFault] = []
         for node in health.status.nodes if ids else ():
             if node.alive:
-                # One that has died since holds up none of the others: it tells it when it is back, and so does the health that is asked for next.
-                with suppress(Unreachable):
-                    await self.calls.ask(node.address, AcknowledgeLosses(ids), LossesKept, priority=Priority.HIGH)
+                try:
+                    for part in parts:
+                        await self.calls.ask(node.address, AcknowledgeLosses(part), LossesKept, priority=Priority.HIGH)
+                except Unreachable:
+                    # One that has died since holds up none of the others: it tells it when it is back, and so does the health that is asked for next.
+                    continue
+                except (Refused, PeerFault) as problem:
+                    failed.append(problem)
+        if failed:
+            raise failed[0]
 
     async def prove(
         self,

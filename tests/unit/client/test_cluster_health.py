@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from scenefold.base.errors import PeerFault, Unreachable
+from scenefold.base.errors import PeerFault, Refused, Unreachable
+from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster
 from scenefold.client.cluster_health import ClusterHealth, Condition, health_of
 from scenefold.client.health import NEVER_CAME, NodeState
-from scenefold.wire import AcknowledgeLosses, LossesKept
+from scenefold.wire import AcknowledgeLosses, LossesKept, encode_packet
+from scenefold.wire.loss_packets import LOSSES_KEPT_MAX
 from scenefold.world import Priority
 from unit.client.test_health import ADDRESSES, arc, missing, node, report, status_of
 
@@ -320,6 +323,39 @@ async def test_a_node_that_dies_holds_up_no_acknowledgement_by_others() -> None:
     cluster: Any = SimpleNamespace(calls=SimpleNamespace(ask=ask))
     await Cluster.acknowledge_losses(cluster, health(*nodes(copies(lost=[LOSS]))))
     assert asked == list(ADDRESSES[: len(asked)]) and len(asked) > 1
+
+
+async def test_one_that_takes_no_acknowledgement_keeps_none_of_the_others_from_it_and_is_named() -> None:
+    asked: list[str] = []
+
+    async def ask(address: str, _packet: AcknowledgeLosses, _reply: object, *, priority: Priority) -> LossesKept:
+        asked.append(address)
+        if address == ADDRESSES[0]:
+            raise Refused(RejectReason.STORAGE_FULL, "the disk is full", where=address)
+        return LossesKept(())
+
+    cluster: Any = SimpleNamespace(calls=SimpleNamespace(ask=ask))
+    with pytest.raises(Refused, match="the disk is full"):
+        await Cluster.acknowledge_losses(cluster, health(*nodes(copies(lost=[LOSS]))))
+    assert asked == list(ADDRESSES[: len(asked)]) and len(asked) > 1
+
+
+async def test_more_than_one_node_keeps_are_acknowledged_in_parts() -> None:
+    """Where nodes keep different ones, as when one that lies has told each something else."""
+    asked: dict[str, list[bytes]] = {}
+
+    async def ask(address: str, packet: AcknowledgeLosses, _reply: object, *, priority: Priority) -> LossesKept:
+        encode_packet(packet)
+        asked.setdefault(address, []).extend(packet.ids)
+        return LossesKept(())
+
+    one, *others = nodes(copies(lost=[{**LOSS, "id": f"{number:032x}"} for number in range(LOSSES_KEPT_MAX)]))
+    more, *_ = nodes(copies(lost=[LOSS]))
+    found = health(one, replace(others[0], report=more.report))
+    cluster: Any = SimpleNamespace(calls=SimpleNamespace(ask=ask))
+    await Cluster.acknowledge_losses(cluster, found)
+    assert len(found.losses) == LOSSES_KEPT_MAX + 1
+    assert list(asked.values()) == [[bytes.fromhex(loss.id) for loss in found.losses]] * 2
 
 
 @pytest.mark.parametrize("wrong", [{"id": "0"}, {"id": 7}, {"share": "much"}, {"removed": ["x"]}, {"complete_copy_left": 1}])
