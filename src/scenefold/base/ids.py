@@ -34,9 +34,15 @@ def checked_node_id(address: str) -> NodeId:
         known = ipaddress.IPv4Address(address)
     except ValueError:
         raise ValueError(f"{address!r} is no IPv4 address") from None
-    if known in _UNSPECIFIED or known.is_multicast or known == _BROADCAST:
+    if not is_machine(NodeId(int(known))):
         raise ValueError(f"{address} is not the address of one machine")
     return NodeId(int(known))
+
+
+def is_machine(node_id: NodeId) -> bool:
+    """Whether the address that an id stands for can be that of one machine."""
+    known = ipaddress.IPv4Address(node_id)
+    return not (known in _UNSPECIFIED or known.is_multicast or known == _BROADCAST)
 
 
 @lru_cache(REMEMBERED_MAX)

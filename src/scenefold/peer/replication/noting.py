@@ -8,12 +8,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import address_of
+from scenefold.base.ids import address_of, is_machine
 from scenefold.base.location import LINE_LENGTH
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.losses import Loss
@@ -104,6 +105,11 @@ class Noting:
     async def _on_told(self, packet: TellLosses, peer: str) -> LossesKept:
         if any(loss.noted_by != node_of(peer) for loss in packet.losses):
             raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} tells what it has not noted itself")
+        if not all(map(_makes_sense, packet.losses)):
+            # It would be in our own report, which nobody could read any more, and for as long as nobody acknowledges what he cannot read.
+            raise Refused(
+                RejectReason.ILL_FORMED, f"{peer} tells of a loss with no node's address, or with arcs that are not in order and apart"
+            )
         await self._change(lambda kept: kept.add(*packet.losses))
         return LossesKept(self._losses.ids)
 
@@ -123,6 +129,12 @@ class Noting:
             self._losses = after
             self._changed.set()
             self._changed = trio.Event()
+
+
+def _makes_sense(loss: NotedLoss) -> bool:
+    """Whether it may be shown: each removed one was a machine, and no part of the line counts twice."""
+    apart = all(left.last < right.first for left, right in pairwise(loss.arcs))
+    return apart and all(is_machine(member.node) for member in loss.removed)
 
 
 def _document(loss: NotedLoss) -> dict[str, Any]:

@@ -9,10 +9,12 @@ import pytest
 import trio
 
 from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.peer.cluster_log.registered import DRAINED
 from scenefold.peer.copies.losses import Loss
-from scenefold.wire import AcknowledgeLosses, RemoveNode, TellLosses
+from scenefold.wire import AcknowledgeLosses, Member, NotedLoss, RemoveNode, TellLosses
+from scenefold.wire.copy_packets import Span
 from unit.peer.replication.heirs import Estate, Heir, inherit, spread, until
 from unit.peer.replication.holders import arc_of
 
@@ -121,5 +123,22 @@ def test_all_others_keep_it_until_it_is_acknowledged() -> None:
         await witness.up.wait()
         await witness.replication.noting.load()
         assert witness.noted == []
+
+    inherit(story)
+
+
+def test_what_nobody_could_read_in_a_report_is_not_kept() -> None:
+    """Else one that lies takes away from administrators what all others say of themselves."""
+
+    async def story(estate: Estate) -> None:
+        witness, liar = estate.homes[0], estate.homes[3]
+        arc = arc_of(liar)
+        span, gone = Span(arc.first, arc.last), estate.homes[4].member
+        for removed, arcs in (((Member(NodeId(0), gone.incarnation),), (span,)), ((gone,), (span, span))):
+            told = TellLosses((NotedLoss(liar.node, 7, 3, False, removed, arcs),))
+            with pytest.raises(Refused, match="no node's address, or with arcs that are not in order"):
+                await witness.asked(told, liar.node)
+        assert witness.noted == []
+        assert len((await witness.asked(TellLosses((NotedLoss(liar.node, 7, 3, False, (gone,), (span,)),)), liar.node)).ids) == 1
 
     inherit(story)
