@@ -75,6 +75,8 @@ class Keeping:
         self._purged: dict[Place, set[Version]] = {}
         self._lost_once: dict[Place, Version] = {}
         """The highest version of each place that may have been lost."""
+        self.by_rot: set[Place] = set()
+        """Where so few disks were gone at the last loss that it was none without the copies that have rotted on others."""
 
     def has(self, place: Place) -> bool:
         """Whether there are to be copies of what lies there."""
@@ -275,14 +277,23 @@ class Keeping:
         if best is not None:
             self._witnesses[place] = {slot: Witness(min(one.version, best, key=order_of), one.at_s) for slot, one in found.items()}
         # A copy that has rotted cannot be read, but what is left of it tells its version, or is what a writer expects.
-        rotten = {one.version for slot, one in found.items() if slot not in there and self._is_rotten(slot, place)}
+        spoilt = {slot for slot in found if slot not in there and self._is_rotten(slot, place)}
+        rotten = {found[slot].version for slot in spoilt}
+        gone = {slot for slot, one in found.items() if one.version.order >= highest.order} | self._liars.get(place, set())
+        if len(gone - {slot for slot in spoilt if self._counts(slot)}) < self._needed_ever(place):
+            self.by_rot.add(place)
+        else:
+            self.by_rot.discard(place)
         left = {version for version in {*there.values(), *rotten} if best is None or version.order >= best.order}
         self._lost_once[place] = max(highest, self._lost_once.get(place, highest), key=order_of)
         return [Lost(place, tuple(sorted(left, key=order_of)), highest, best is None)]
 
+    def _needed_ever(self, place: Place) -> int:
+        return min(self.rules[place.scene, place.space].needed, self._fewest or 1)
+
     def _highest_gone(self, place: Place) -> Version | None:
         """The highest version that may have been told by what its witnesses had: on enough disks, which did not all stand in one rack."""
-        needed = min(self.rules[place.scene, place.space].needed, self._fewest or 1)
+        needed = self._needed_ever(place)
         witnesses, liars, told = self._witnesses.get(place, {}), self._liars.get(place, set()), self._told.get(place)
         versions = {witness.version for witness in witnesses.values()} | ({told} if told is not None and liars else set())
         for version in sorted(versions, key=order_of, reverse=True):

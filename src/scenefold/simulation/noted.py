@@ -17,8 +17,9 @@ def judge_notes(cluster: Cluster) -> None:
     spans = {about: [span.arc for span in loss.arcs] for about, loss in notes.items()}
     for place in watch.vanished:
         is_noted = any(place.home in arc for arcs in spans.values() for arc in arcs)
-        watch.counts["losses noted" if is_noted else "losses not noted"] += 1
-        if not is_noted:
+        by_rot = not is_noted and place in watch.keeping.by_rot
+        watch.counts["losses noted" if is_noted else "losses by rot" if by_rot else "losses not noted"] += 1
+        if not is_noted and not by_rot:
             watch.story.tell(watch._now(), None, "what was lost there no node says", location=place.location)
     watch.counts["notes"] += len(notes)
     watch.counts["notes without a loss"] += sum(not _has_any(arcs, watch.vanished) for arcs in spans.values())

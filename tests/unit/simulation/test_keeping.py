@@ -12,7 +12,7 @@ from scenefold.simulation.keeping import RECENT_S
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.passed import LATELY_S
 from scenefold.store.layout import RECORDS
-from unit.simulation.test_watch import HERE, PLACE, SCENE, SPACE, Stage, member, record, version
+from unit.simulation.test_watch import HERE, PLACE, SCENE, SPACE, Stage, member, record, rots, version
 
 OWNER = 1
 
@@ -238,3 +238,22 @@ def test_what_a_third_one_has_no_liar_can_lose() -> None:
     stage.watch.lied_about_copy(2, PLACE)
     loses(stage, OWNER)
     assert losses(stage) == []
+
+
+@pytest.mark.parametrize(("rotten", "by_rot"), [((2,), True), ((), False)])
+def test_what_is_lost_since_other_copies_have_rotted_is_told_apart(rotten: tuple[int, ...], by_rot: bool) -> None:
+    stage = told(stage_with(1, 2))
+    for slot in rotten:
+        rots(stage, slot)
+    for slot in {1, 2} - {*rotten}:
+        loses(stage, slot)
+    assert len(losses(stage)) == 1
+    assert (PLACE in stage.watch.keeping.by_rot) is by_rot
+
+
+def test_what_enough_lost_disks_explain_is_no_loss_by_rot() -> None:
+    stage = told(stage_with(0, 1, 2))
+    rots(stage, 0)
+    loses(stage, 1)
+    loses(stage, 2)
+    assert losses(stage) and PLACE not in stage.watch.keeping.by_rot
