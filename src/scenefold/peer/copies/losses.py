@@ -42,10 +42,13 @@ def losses_in(
     heard: Mapping[Member, Sequence[Entry]],
     is_lost: Callable[[Member], bool],
     lost: Sequence[Member],
+    *,
+    remembers: bool = True,
 ) -> list[Loss]:
     """What may be lost of a gap once all were heard. `layouts`: of the known scenes, and what each asks of a write.
 
-    `heard`: by everybody who is registered, the asker `me` included, of whose entries not all are known any more. `lost`: whoever was removed with what it had, the newest last.
+    `heard`: by everybody who is registered, the asker `me` included. `lost`: whoever was removed with what it had, the newest last.
+    `remembers`: whether the asker knows what it held there itself; else it may hold whatever it is a member of.
     """
     met = {member: clipped(entries, gap) for member, entries in heard.items()}
     told = {entry.layout for entries in met.values() for entry in entries}
@@ -54,20 +57,20 @@ def losses_in(
         here = {member: [entry for entry in entries if entry.layout == layout] for member, entries in met.items()}
         for arc in _stretches(gap, [entry for entries in here.values() for entry in entries]):
             stretch = {member: entry for member, entries in here.items() for entry in entries if arc.first in entry.arc}
-            verdict = _verdict(me, stretch, layouts.get(layout), is_lost, lost)
+            verdict = _verdict(None if remembers else me, stretch, layouts.get(layout), is_lost, lost)
             if verdict is not None:
                 found.setdefault((1 + len(layout), *verdict), []).append(arc)
     return [Loss(*about, arcs=_few(arcs)) for about, arcs in found.items()]
 
 
 def _verdict(
-    me: Member,
+    unsure: Member | None,
     stretch: Mapping[Member, Entry],
     needed: int | None,
     is_lost: Callable[[Member], bool],
     lost: Sequence[Member],
 ) -> tuple[bool, tuple[Member, ...]] | None:
-    """Whether a complete copy is left, and who is gone; None if nothing can be lost."""
+    """Whether a complete copy is left, and who is gone; None if nothing can be lost. `unsure`: who may hold what it does not tell."""
     newest = max((entry for entry in stretch.values() if entry.whole), key=lambda entry: entry.number, default=None)
     if newest is not None:
         # What was being filled beside or behind it may have counted as well.
@@ -75,7 +78,7 @@ def _verdict(
             gone = [member for member in entry.members if is_lost(member)]
             if len(gone) >= max(LOSSES_MIN, entry.needed):
                 return True, _newest(gone, lost)
-        bound = [member for member in newest.members[1:] if member == me or _is_bound(stretch.get(member), newest)]
+        bound = [member for member in newest.members[1:] if member == unsure or _is_bound(stretch.get(member), newest)]
         if len(bound) > len(newest.members) - max(LOSSES_MIN, newest.needed):
             return None
         # So few hold it still that it may have been closed: there may have been a later configuration, of which nobody has heard.

@@ -39,6 +39,8 @@ class Recovering:
         self.doubt: Callable[[Arc], object] = lambda _: None
         self._askings: dict[Arc, Asking | None] = {}
         """Of each gap that is being recovered; None in a pause."""
+        self._older: tuple[Arc, ...] = ()
+        """Gaps of before the start: what was held there nobody remembers."""
         self._looked_up: dict[Location, None] = {}
         self._slots = trio.CapacityLimiter(LOOK_UPS_MAX)
 
@@ -82,6 +84,7 @@ class Recovering:
     async def run(self, *, task_status: trio.TaskStatus[None] = trio.TASK_STATUS_IGNORED) -> None:
         """Recover whatever is not, until cancelled."""
         keeper = self._parts.keeper
+        self._older = keeper.copies.unrecovered
         async with trio.open_nursery() as nursery:
             task_status.started()
             while True:
@@ -120,6 +123,7 @@ class Recovering:
             # Known are these places now by the note, or by nobody any more.
             self._askings[gap] = None
             self._looked_up = {location: None for location in self._looked_up if location not in gap}
+        self._older = tuple(left for older in self._older for left in without(older, gap))
         self._parts.events["recovered"] += 1
         where = f"{gap.first.hex()[:8]}..{gap.last.hex()[:8]}"
         if losses:
@@ -131,7 +135,8 @@ class Recovering:
     def _losses(self, asking: Asking) -> list[Loss]:
         parts, registry = self._parts, self._parts.cluster_log.registry
         layouts = needed_of(parts.scenes.everyone(), len(registry.order))
-        return asking.roll.losses(parts.keeper.copies, layouts, registry)
+        remembers = all(gap.intersection(asking.roll.gap) is None for gap in self._older)
+        return asking.roll.losses(parts.keeper.copies, layouts, registry, remembers=remembers)
 
 
 def _in_words(loss: Loss) -> str:

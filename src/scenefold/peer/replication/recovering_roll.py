@@ -71,13 +71,16 @@ class Roll:
         assert not self.missing()
         return copies.recover(self.gap, self._heard, self.number)
 
-    def losses(self, copies: Copies, layouts: Mapping[Layout, int], registry: Registry) -> list[Loss]:
-        """What may be lost for all that was heard; only when nobody is missing. `layouts`: of the known scenes, and what each asks of a write."""
+    def losses(self, copies: Copies, layouts: Mapping[Layout, int], registry: Registry, *, remembers: bool) -> list[Loss]:
+        """What may be lost for all that was heard; only when nobody is missing. `layouts`: of the known scenes, and what each asks of a write.
+
+        `remembers`: whether this node has not been started since it adopted any of the gap.
+        """
         assert not self.missing()
         # What this node itself held there became its own, and no entry, when it adopted the gap.
         me = copies.configurations.me
         heard = {**self._heard, me: clipped(copies.formerly, self.gap)}
-        return losses_in(me, self.gap, layouts, heard, registry.is_lost, registry.lost)
+        return losses_in(me, self.gap, layouts, heard, registry.is_lost, registry.lost, remembers=remembers)
 
 
 def husk_home(husk: Put) -> Location:

@@ -27,10 +27,15 @@ def entry(members: Sequence[Member], *, where: Arc = GAP, number: int = 5, neede
 
 
 def lost(
-    told: Mapping[Member, Sequence[Entry]], *gone: Member, silent: Sequence[Member] = (C, D), asked: dict = ASKED, gap: Arc = GAP
+    told: Mapping[Member, Sequence[Entry]],
+    *gone: Member,
+    silent: Sequence[Member] = (C, D),
+    asked: dict = ASKED,
+    gap: Arc = GAP,
+    remembers: bool = True,
 ) -> list[Loss]:
     heard = {**{member: () for member in silent if member not in gone}, **told}
-    return losses_in(Q, gap, asked, heard, gone.__contains__, gone)
+    return losses_in(Q, gap, asked, heard, gone.__contains__, gone, remembers=remembers)
 
 
 def test_one_that_is_lost_takes_nothing_along() -> None:
@@ -65,7 +70,10 @@ def test_who_was_being_filled_has_not_all() -> None:
 def test_a_configuration_that_nobody_has_heard_of_may_have_counted() -> None:
     """A, who was a member, holds nothing any more: so there was another one since, and all of that may be gone."""
     stale = entry([P, A, B])
-    assert lost({B: [entry([P, Q, B])], Q: ()}, P, C, D) == [], "of its own entries of before who asks may not know all"
+    own = entry([P, Q, B])
+    assert lost({B: [own], Q: ()}, P, C, D) == [Loss(3, True, (P, C, D), (GAP,))], "who asks was told itself that it holds nothing"
+    assert lost({B: [own], Q: ()}, P, C, D, remembers=False) == [], "once it was started anew it does not know that"
+    assert lost({B: [own], Q: [own]}, P, C, D) == []
     assert lost({B: [stale], A: ()}, P, C, D) == [Loss(3, True, (P, C, D), (GAP,))]
 
 

@@ -16,7 +16,7 @@ from scenefold.peer.copies.losses import Loss
 from scenefold.wire import AcknowledgeLosses, Member, NotedLoss, RemoveNode, TellLosses
 from scenefold.wire.copy_packets import Span
 from unit.peer.replication.heirs import Estate, Heir, inherit, spread, until
-from unit.peer.replication.holders import arc_of
+from unit.peer.replication.holders import arc_of, tell
 
 pytestmark = pytest.mark.usefixtures("only_errors")
 
@@ -73,6 +73,24 @@ def test_where_one_copy_is_left_of_three_the_newest_may_be_lost() -> None:
         heir = await recovered(estate, arc)
         about = [loss for loss in heir.noted if loss["complete_copy_left"]]
         assert [loss["removed"] for loss in about] == [[estate.homes[1].address, estate.homes[2].address]]
+
+    inherit(story, founders=6)
+
+
+@pytest.mark.usefixtures("warned")
+@pytest.mark.expect_log("not all that was acknowledged in .* may be known")
+def test_who_adopts_and_was_told_that_it_holds_nothing_knows_of_another_configuration() -> None:
+    """The one that was away meanwhile, and says what was so before, has not what was acknowledged since."""
+
+    async def story(estate: Estate) -> None:
+        await estate.entrust(2, 3)
+        arc = arc_of(estate.owner)
+        assert (await tell(estate.owner, estate.homes[2], 6)).reason == 0
+        await estate.bury(1, 4)
+        heir = await recovered(estate, arc)
+        assert heir is estate.homes[2]
+        about = [loss for loss in heir.noted if loss["complete_copy_left"]]
+        assert [loss["removed"] for loss in about] == [[estate.homes[1].address, estate.homes[4].address]]
 
     inherit(story, founders=6)
 
