@@ -19,7 +19,7 @@ from scenefold.base.limits import CONFIGURATIONS_MAX
 from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.copies.entries import Entry, clipped, joined
+from scenefold.peer.copies.entries import Entry, alike, clipped, joined
 from scenefold.peer.copies.segment import GONE, Segment
 from scenefold.wire import Configuration, Member
 
@@ -169,20 +169,11 @@ class Configurations:
 
         Who was not heard is removed, and T_wait has passed since this node learnt that.
         """
-        met = [(member, entry) for member, entries in heard.items() if member != self.me for entry in clipped(entries, gap)]
+        met = {member: clipped(entries, gap) for member, entries in heard.items() if member != self.me}
         found: list[Segment] = []
-        for layout in sorted({entry.layout for _, entry in met}):
-            here = [(member, entry) for member, entry in met if entry.layout == layout]
-            firsts = sorted(
-                {entry.arc.first for _, entry in here} | {after for _, entry in here if (after := entry.arc.last.next()) is not None}
-            )
-            for index, first in enumerate(firsts):
-                stretch = {member: entry for member, entry in here if first in entry.arc}
-                if stretch:
-                    last = min(entry.arc.last for entry in stretch.values())
-                    if index + 1 < len(firsts):
-                        last = min(last, Location.from_number(firsts[index + 1].number - 1))
-                    found.append(_recovered(layout, Arc(first, last), stretch, heard, number, self.me))
+        for layout in sorted({entry.layout for entries in met.values() for entry in entries}):
+            here = {member: [entry for entry in entries if entry.layout == layout] for member, entries in met.items()}
+            found += [_recovered(layout, arc, stretch, heard, number, self.me) for arc, stretch in alike(here, gap) if stretch]
         return self._with([*self.segments, *found], max(self.number, number))
 
     # --------------------------------------------------------------------------------------------------- helpers

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from scenefold.base.location import Arc
+from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout
 from scenefold.wire import Member
 
@@ -41,6 +41,30 @@ class Entry:
 def clipped(entries: Iterable[Entry], scope: Arc) -> list[Entry]:
     """What the entries say of an arc."""
     return [replace(entry, arc=inside) for entry in entries if (inside := entry.arc.intersection(scope)) is not None]
+
+
+def alike(told: Mapping[Member, Iterable[Entry]], gap: Arc) -> Iterator[tuple[Arc, dict[Member, Entry]]]:
+    """The gap in parts, in order, in each of which every member says one thing or nothing. `told`: of one layout, and within the gap.
+
+    One pass, however many there are: who lies may name thousands. Of several of one member at one place, which it should not have, one counts.
+    """
+    begins: dict[Location, dict[Member, Entry]] = {gap.first: {}}
+    ends: dict[Location, list[tuple[Member, Entry]]] = {}
+    for member, entries in told.items():
+        for entry in entries:
+            begins.setdefault(entry.arc.first, {})[member] = entry
+            behind = entry.arc.last.next()
+            if behind is not None and behind in gap:
+                ends.setdefault(behind, []).append((member, entry))
+    here: dict[Member, Entry] = {}
+    firsts = sorted({*begins, *ends})
+    lasts = [*(Location.from_number(first.number - 1) for first in firsts[1:]), gap.last]
+    for first, last in zip(firsts, lasts, strict=True):
+        for member, entry in ends.get(first, ()):
+            if here.get(member) is entry:
+                del here[member]
+        here.update(begins.get(first, {}))
+        yield Arc(first, last), {member: here[member] for member in told if member in here}
 
 
 def joined(entries: Iterable[Entry]) -> tuple[Entry, ...]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from scenefold.base.location import LINE_LENGTH, Arc, Location
+from scenefold.base.location import LINE_LENGTH, Arc
 from scenefold.base.placement import Layout
-from scenefold.peer.copies.entries import Entry, clipped
+from scenefold.peer.copies.entries import Entry, alike, clipped
 from scenefold.wire import Member
 from scenefold.wire.loss_packets import LOSS_ARCS_MAX, LOSS_NODES_MAX
 
@@ -55,8 +55,7 @@ def losses_in(
     found: dict[tuple[int, bool, tuple[Member, ...]], list[Arc]] = {}
     for layout in sorted({*layouts, *told} - {()}):
         here = {member: [entry for entry in entries if entry.layout == layout] for member, entries in met.items()}
-        for arc in _stretches(gap, [entry for entries in here.values() for entry in entries]):
-            stretch = {member: entry for member, entries in here.items() for entry in entries if arc.first in entry.arc}
+        for arc, stretch in alike(here, gap):
             verdict = _verdict(None if remembers else me, stretch, layouts.get(layout), is_lost, lost)
             if verdict is not None:
                 found.setdefault((1 + len(layout), *verdict), []).append(arc)
@@ -97,16 +96,6 @@ def _is_bound(told: Entry | None, entry: Entry) -> bool:
 
 def _newest(gone: Sequence[Member], lost: Sequence[Member]) -> tuple[Member, ...]:
     return tuple(member for member in lost if member in gone)
-
-
-def _stretches(gap: Arc, entries: Sequence[Entry]) -> list[Arc]:
-    """The gap, cut wherever an entry begins or ends."""
-    behind = (entry.arc.last.next() for entry in entries)
-    firsts = sorted(
-        {gap.first, *(entry.arc.first for entry in entries), *(first for first in behind if first is not None and first in gap)}
-    )
-    lasts = [*(Location.from_number(first.number - 1) for first in firsts[1:]), gap.last]
-    return [Arc(first, last) for first, last in zip(firsts, lasts, strict=True)]
 
 
 def _few(arcs: Sequence[Arc]) -> tuple[Arc, ...]:

@@ -9,8 +9,8 @@ import pytest
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId
-from scenefold.base.location import Arc
-from scenefold.peer.copies.entries import Entry
+from scenefold.base.location import FIRST, Arc, Location
+from scenefold.peer.copies.entries import Entry, alike
 from scenefold.peer.copies.losses import Loss, losses_in
 from scenefold.peer.copies.losses_note import ACKNOWLEDGED_MAX, Losses, decode_losses, encode_losses, id_of
 from scenefold.wire import Member, NotedLoss, pack_value
@@ -107,6 +107,26 @@ def test_many_parts_are_named_by_what_covers_them() -> None:
     told = [entry([P, A, C], where=arc(2 * index, 2 * index)) for index in range(50)]
     (found,) = lost({A: told, C: told}, P, B)
     assert len(found.arcs) == LOSS_ARCS_MAX and found.arcs[0] == arc(1, 1) and found.arcs[-1].last == arc(99, 99).last
+
+
+def test_parts_in_which_all_say_one_thing_are_found_in_one_pass() -> None:
+    """Whoever lies may name thousands of entries: the node that adopts must not stand still over them, and lose its lease."""
+    looks = 0
+
+    class Counted(Arc):
+        def __contains__(self, location: Location) -> bool:
+            nonlocal looks
+            looks += 1
+            return super().__contains__(location)
+
+    tiny = [Counted(*(Location.from_number(number) for number in (4 * index, 4 * index + 1))) for index in range(1000)]
+    gap = Counted(FIRST, tiny[-1].last)
+    parts = list(alike({A: [entry([P, A], where=where) for where in tiny], B: [entry([P, B], where=gap)]}, gap))
+    assert [where for where, told in parts if A in told] == [Arc(where.first, where.last) for where in tiny]
+    assert parts[0][0].first == gap.first and parts[-1][0].last == gap.last and len(parts) == 1999
+    assert all(B in told for _, told in parts) and looks <= 2 * len(tiny)
+    over = list(alike({A: [entry([P, A]), entry([P, A], where=arc(10, 20))]}, GAP))
+    assert [where.first for where, _ in over] == [arc(0, 0).first, arc(10, 10).first, arc(21, 21).first], "of a liar's, one"
 
 
 # ---------------------------------------------------------------------------------------------------------------- kept
