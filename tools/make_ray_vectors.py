@@ -2,21 +2,26 @@
 
     .venv/bin/python tools/make_ray_vectors.py
 
-Everything here is Python's own whole numbers, f64 arithmetic and struct, so that the vectors check the kernels
-rather than repeat them.
+Everything here is Python's own whole numbers, numpy's f32 one operation at a time, and struct, so that the vectors
+check the kernels rather than repeat them.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import struct
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 OUTPUT = Path(__file__).parent.parent / "specs" / "vectors" / "rays.json"
 WORD = 2**64 - 1
+HALF = 2**32 - 1
 GOLDEN = 0x9E3779B97F4A7C15
+F = np.float32
 
 
 def mix64(value: int) -> int:
@@ -33,46 +38,97 @@ def path_key(seed: int, frame: int, pixel: int, sample: int) -> int:
     return mix64((key + ((pixel << 32) | sample) * GOLDEN) & WORD)
 
 
-def uniform(key: int, bounce: int, dimension: int) -> float:
-    """A number in [0, 1)."""
-    return (mix64((key + (bounce * 64 + dimension + 1) * GOLDEN) & WORD) >> 11) * 2.0**-53
+def hash32(value: int) -> int:
+    """32 bits to 32 bits."""
+    value = ((value ^ (value >> 16)) * 0x7FEB352D) & HALF
+    value = ((value ^ (value >> 15)) * 0x846CA68B) & HALF
+    return value ^ (value >> 16)
 
 
-def sign(x: float) -> float:
-    return 1.0 if x >= 0.0 else -1.0
+def turned(value: int) -> int:
+    """The bits, the last one first."""
+    return int(f"{value:032b}"[::-1], 2)
+
+
+def scrambled(value: int, seed: int) -> int:
+    """Laine's and Karras's hash."""
+    value ^= value * 0x3D20ADEA & HALF
+    value = (value + seed) * (seed >> 16 | 1) & HALF
+    value ^= value * 0x05526C56 & HALF
+    return value ^ (value * 0x53A22864 & HALF)
+
+
+def dice_seed(seed: int, frame: int) -> tuple[int, int]:
+    """The lower and the upper word that a job's numbers follow from."""
+    digest = hashlib.sha256(b"scenefold/dice" + struct.pack(">QQ", seed, frame)).digest()
+    return int.from_bytes(digest[4:8], "big"), int.from_bytes(digest[:4], "big")
+
+
+def pair_seed(seed: int, frame: int, pixel: int, bounce: int, pair: int) -> int:
+    """What a pair of a pixel's bounce follows from."""
+    low, high = dice_seed(seed, frame)
+    of_pixel = hash32(hash32((pixel + low) & HALF) ^ high)
+    return hash32(of_pixel ^ ((bounce * 8 + pair + 1) * 0x9E3779B9 & HALF))
+
+
+def independent(seed: int, sample: int) -> list[float]:
+    """A pair of the sampler `independent`."""
+    first = hash32(seed ^ ((sample * 0x9E3779B9 + 0x85EBCA6B) & HALF))
+    return [(word >> 8) * 2.0**-24 for word in (first, hash32(first ^ 0x85EBCA6B))]
+
+
+def sobol(seed: int, sample: int) -> list[float]:
+    """A pair of the sampler `sobol`."""
+    index = turned(scrambled(turned(sample), seed))
+    second = sum(1 << bit for bit in range(32) if sum(index >> j & 1 for j in range(32) if bit & j == bit) % 2)
+    words = turned(scrambled(index, hash32(seed ^ 0x9E3779B9))), turned(scrambled(second, hash32(seed ^ 0x85EBCA6B)))
+    return [(word >> 8) * 2.0**-24 for word in words]
+
+
+def noise(seed: int, frame: int, pixel: int, sample: int, bounce: int, pair: int) -> list[float]:
+    """Three numbers that a colour is rounded by."""
+    word = hash32(pair_seed(seed, frame, pixel, bounce, pair) ^ ((sample * 0x9E3779B9 + 0x85EBCA6B) & HALF))
+    return [((word >> shift & 1023) + 0.5) / 1024 for shift in (0, 10, 20)]
+
+
+def sign(x: np.float32) -> np.float32:
+    return F(1.0 if x >= 0.0 else -1.0)
+
+
+def unfolded(u: np.float32, v: np.float32, z: np.float32) -> tuple[np.float32, np.float32]:
+    """Octahedral coordinates of the other side, where z is below 0."""
+    return ((F(1) - abs(v)) * sign(u), (F(1) - abs(u)) * sign(v)) if z < 0 else (u, v)
 
 
 def encode_direction(x: float, y: float, z: float) -> list[int]:
-    """Octahedral, 32 bits a coordinate."""
-    scale = 1.0 / (abs(x) + abs(y) + abs(z))
-    u, v = x * scale, y * scale
-    if z < 0.0:
-        u, v = (1.0 - abs(v)) * sign(u), (1.0 - abs(u)) * sign(v)
-    return [min(max(int(((c * 0.5 + 0.5) * 4294967295.0) + 0.5), 0), 2**32 - 1) for c in (u, v)]
+    """Octahedral, 32 bits with a sign a coordinate, as they stand in the record."""
+    a, b, c = F(x), F(y), F(z)
+    scale = F(1) / (abs(a) + abs(b) + abs(c))
+    coordinates = unfolded(a * scale, b * scale, c)
+    return [2**31 - 1 if one >= 1 else int(max(F(-1), one) * F(2.0**31)) & HALF for one in coordinates]
 
 
 def decode_direction(code: list[int]) -> list[float]:
     """The unit direction of a code."""
-    u, v = (c * (2.0 / 4294967295.0) - 1.0 for c in code)
-    z = 1.0 - abs(u) - abs(v)
-    if z < 0.0:
-        u, v = (1.0 - abs(v)) * sign(u), (1.0 - abs(u)) * sign(v)
-    scale = 1.0 / math.sqrt(u * u + v * v + z * z)
-    return [u * scale, v * scale, z * scale]
+    u, v = (F((c ^ 2**31) - 2**31) * F(2.0**-31) for c in code)
+    z = F(1) - abs(u) - abs(v)
+    u, v = unfolded(u, v, z)
+    scale = F(1) / np.sqrt(u * u + v * v + z * z)
+    return [float(u * scale), float(v * scale), float(z * scale)]
 
 
-def encode_color(color: list[float], key: int, bounce: int, dimension: int) -> int:
+def encode_color(color: list[float], draws: list[float]) -> int:
     """Three 13-bit mantissas and a shared exponent, rounded at random."""
-    color = [min(c, 8191 / 8192 * 2.0**255) for c in color]
-    if not max(color) > 1e-70:
+    most = F(8191 / 8192 * 2.0**126)
+    bounded = [min(F(c), most) for c in color]
+    if not max(bounded) > F(2.0**-100):
         return 0
-    exponent = min(math.frexp(max(color))[1], 254)
-    draws = [uniform(key, bounce, dimension + channel) for channel in range(3)]
-    mantissas = [int(c * 2.0 ** (13 - exponent) + u) for c, u in zip(color, draws, strict=True)]
-    if max(mantissas) > 8191:
+    exponent = math.frexp(float(max(bounded)))[1]
+    scaled = [c * F(2.0 ** (13 - exponent)) + F(u) for c, u in zip(bounded, draws, strict=True)]
+    if int(max(scaled)) > 8191:
         exponent += 1
-        mantissas = [int(c * 2.0 ** (13 - exponent) + u) for c, u in zip(color, draws, strict=True)]
-    r, g, b = (min(m, 8191) for m in mantissas)
+        scaled = [c * F(2.0 ** (13 - exponent)) + F(u) for c, u in zip(bounded, draws, strict=True)]
+    r, g, b = (min(int(m), 8191) for m in scaled)
     return r | g << 13 | b << 26 | (exponent + 256) << 39
 
 
@@ -102,7 +158,7 @@ def rays() -> list[dict[str, Any]]:
         "origin": [0.5, -1.25, 3.0],
         "direction": encode_direction(0.1, -0.2, -1.0),
         "pdf": 65535,
-        "throughput": encode_color([1.0, 1.0, 1.0], 0, 0, 0),
+        "throughput": encode_color([1.0, 1.0, 1.0], [0.5, 0.5, 0.5]),
         "path": 0,
         "kind": 0,
         "t_done": 0,
@@ -111,7 +167,7 @@ def rays() -> list[dict[str, Any]]:
         "origin": [0.0009765625, 0.0, -7.5],
         "direction": encode_direction(-0.3, 0.9, 0.1),
         "pdf": 23512,
-        "throughput": encode_color([0.7, 0.31, 0.05], path_key(1, 0, 77, 3), 1, 8),
+        "throughput": encode_color([0.7, 0.31, 0.05], noise(1, 0, 77, 3, 1, 6)),
         "path": 40961,
         "kind": 2 << 3 | 1,
         "t_done": 12345,
@@ -128,7 +184,7 @@ def rays() -> list[dict[str, Any]]:
     shadow = {
         "origin": [0.0009765625, 0.0, -7.5],
         "end": [0.0, 3.9375, 0.25],
-        "contribution": encode_color([12.5, 9.0, 3.25], path_key(1, 0, 77, 3), 1, 12),
+        "contribution": encode_color([12.5, 9.0, 3.25], noise(1, 0, 77, 3, 1, 7)),
         "path": 40961,
         "kind": 1 << 3 | 2,
         "t_done": 40000,
@@ -138,29 +194,29 @@ def rays() -> list[dict[str, Any]]:
 
 
 def directions() -> list[dict[str, Any]]:
-    """Codes, the vectors that they come from, and the exact f64 directions that they stand for."""
+    """Codes, the vectors that they come from, and the exact f32 directions that they stand for."""
     vectors = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 2.0, -3.0], [-0.1, 0.2, 5.0], [-1.0, -1.0, -1.0]]
     found: list[dict[str, Any]] = [{"vector": vector, "code": encode_direction(*vector)} for vector in vectors]
-    found += [{"code": code} for code in ([0, 0], [2**32 - 1, 2**31], [1, 2**32 - 2])]
+    found += [{"code": code} for code in ([0, 0], [2**32 - 1, 2**31], [1, 2**32 - 2], [2**31 - 1, 2**31 - 1])]
     return [{**vector, "unit": [value.hex() for value in decode_direction(vector["code"])]} for vector in found]
 
 
 def colors() -> list[dict[str, Any]]:
-    """Codes under a key, bounce 3, dimensions 8 to 10."""
+    """Codes, and the word whose bits they are rounded by."""
     wanted = [
         [1.0, 1.0, 1.0],
         [0.5, 0.1, 1e-3],
         [0.0, 0.0, 0.0],
         [1e-5, 3e-9, 7.0],
         [0.99995, 0.2, 0.99999],
-        [1e-68, 0.0, 0.0],
-        [1e300, 1.0, 0.0],
+        [1e-31, 0.0, 0.0],
+        [1e38, 1.0, 0.0],
     ]
     found = []
     for number, color in enumerate(wanted):
-        key = path_key(9, 0, number, 0)
-        code = encode_color(color, key, 3, 8)
-        found.append({"color": color, "key": f"{key:016x}", "code": code, "decoded": [value.hex() for value in decode_color(code)]})
+        word = hash32(number + 1)
+        code = encode_color(color, [((word >> shift & 1023) + 0.5) / 1024 for shift in (0, 10, 20)])
+        found.append({"color": color, "dice": word, "code": code, "decoded": [value.hex() for value in decode_color(code)]})
     return found
 
 
@@ -171,14 +227,26 @@ def densities() -> list[dict[str, Any]]:
     return [{"density": density, "code": code, "decoded": (2.0 ** (code / 1024 - 24)).hex()} for density, code in exact]
 
 
-def uniforms() -> list[dict[str, Any]]:
-    """Keys and numbers."""
-    wanted = [(1, 0, 0, 0, 0, 0), (1, 0, 0, 0, 0, 1), (1, 0, 77, 3, 2, 8), (2**62, 5, 2**28 - 1, 2**20 - 1, 31, 17)]
-    names = ("seed", "frame", "pixel", "sample", "bounce", "dimension")
-    return [
-        {**dict(zip(names, one, strict=True)), "key": f"{path_key(*one[:4]):016x}", "value": uniform(path_key(*one[:4]), *one[4:]).hex()}
-        for one in wanted
-    ]
+def draws() -> list[dict[str, Any]]:
+    """Pairs of both samplers."""
+    wanted = [(1, 0, 0, 0, 0, 0), (1, 0, 0, 1, 0, 0), (1, 0, 77, 3, 2, 1), (2**62, 5, 2**28 - 1, 2**20 - 1, 31, 5)]
+    names = ("seed", "frame", "pixel", "sample", "bounce", "pair")
+    found = []
+    for one in wanted:
+        seed, frame, pixel, sample, bounce, pair = one
+        word = pair_seed(seed, frame, pixel, bounce, pair)
+        low, high = dice_seed(seed, frame)
+        found.append(
+            {
+                **dict(zip(names, one, strict=True)),
+                "dice_low": low,
+                "dice_high": high,
+                "sobol": [value.hex() for value in sobol(word, sample)],
+                "independent": [value.hex() for value in independent(word, sample)],
+                "key": f"{path_key(seed, frame, pixel, sample):016x}",
+            }
+        )
+    return found
 
 
 def thesis_record() -> dict[str, Any]:
@@ -208,7 +276,7 @@ def main() -> None:
         "directions": directions(),
         "colors": colors(),
         "densities": densities(),
-        "uniforms": uniforms(),
+        "draws": draws(),
         "thesis_table_3_3": thesis_record(),
     }
     OUTPUT.write_text(json.dumps(vectors, indent=1) + "\n", encoding="utf-8")

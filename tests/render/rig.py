@@ -20,6 +20,7 @@ from scenefold.render.arrays import F32, I32, I64, U32
 from scenefold.render.content import pair_boxes, scene_arrays, share_of, worn_textures
 from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Tracer
 from scenefold.render.film import Film
+from scenefold.render.generate_kernels import SCRATCH_WORDS
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.numbers import camera_numbers, diagonal_of, job_box, job_numbers
 from scenefold.render.pass_sums import PassSums
@@ -145,7 +146,8 @@ class Rig:
         """Only these rays, each of a path of its own, from where they are."""
         numbers, owners = job_numbers(job, self.tables), np.empty(len(rays), np.int32)
         partition, zero = job.partition, np.int32(0)
-        find_owners(rays, np.int32(partition.family), partition.kernel_data(), numbers.box_low, numbers.box_high, zero, owners)
+        scratch = np.empty(SCRATCH_WORDS, np.uint32)
+        find_owners(rays, np.int32(partition.family), partition.kernel_data(), numbers.box_low, numbers.box_high, zero, owners, scratch)
         with self.opened(job) as scenes:
             flight = Flight([scene.tracers(1)[0] for scene in scenes], 0, len(rays))
             flight.land({int(node): rays[owners == node] for node in np.unique(owners)})

@@ -15,7 +15,7 @@ from scenefold.partition import Partition
 from scenefold.render.image_files import image_sha256
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.payloads.materials import Material
-from unit.render.probe_kernels import direction_codes
+from unit.render.lanes_probe_kernels import probed
 
 SKY = (0.1, 0.15, 0.3)
 ALGORITHMS = ("voronoi", "bounded-radial")
@@ -233,7 +233,7 @@ def test_rays_from_lattice_points_to_lattice_points(spread: float) -> None:
     ways = targets - origins + random.normal(size=origins.shape) * spread
     origins, ways = (values[np.abs(ways).max(axis=1) > 0.1] for values in (origins, ways))
     rays = straight_rays(origins, [(0, 0)])
-    rays[:, 3:5] = direction_codes(ways)
+    rays[:, 3:5] = probed("to_direction_code", *ways.T)[:2].T
     reference = rig.fly(rig.job("voronoi", 1, sky=SKY), rays)
     centroids = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float) * 0.5
     for partition in (Partition.voronoi(centroids), rig.job("voronoi", 7).partition, rig.job("bounded-radial", 5).partition):

@@ -21,7 +21,7 @@ U32 = npt.NDArray[np.uint32]
 
 
 class MaterialColumn:
-    """Columns of `SceneArrays.materials`, float64[materials, WIDTH]."""
+    """Columns of `SceneArrays.materials`, float32[materials, WIDTH]."""
 
     BASE = 0
     """4 columns: linear red, green, blue, alpha."""
@@ -92,7 +92,8 @@ class SceneArrays(NamedTuple):
     """[instances, 3, 4], prototype to world; instance 0 is the identity."""
     instance_normals: F64
     """[instances, 3, 3]: transposed inverses, for normals."""
-    materials: F64
+    materials: F32
+    """[materials, MaterialColumn.WIDTH]"""
     textures: I64
     texels: U8
     linear_of_srgb: F64
@@ -135,3 +136,8 @@ class JobNumbers(NamedTuple):
     """Segments of a path at most, the camera ray being the first; 1..32."""
     stride: int
     """Multiplier of the scattered pixel order; coprime to width x height."""
+    dice_low: int
+    """With `dice_high`, 64 bits of (seed, frame): what all random numbers of the job follow from."""
+    dice_high: int
+    sampler: int
+    """SAMPLER_SOBOL or SAMPLER_INDEPENDENT (dice_kernels.py)."""

@@ -17,13 +17,13 @@ ALPHA_MIN = 1e-3
 """Smoother surfaces are rendered as this smooth: their density still fits the ray record's pdf code."""
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def luminance(r, g, b):  # type: ignore[no-untyped-def]
     """Rec. 709 luminance of a linear colour."""
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def fresnel_schlick(f0, cosine):  # type: ignore[no-untyped-def]
     """Schlick's approximation of reflectance at an angle; glTF prescribes it."""
     m = min(max(1.0 - cosine, 0.0), 1.0)
@@ -31,7 +31,7 @@ def fresnel_schlick(f0, cosine):  # type: ignore[no-untyped-def]
     return f0 + (1.0 - f0) * (m2 * m2 * m)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def frame_of(nx, ny, nz):  # type: ignore[no-untyped-def]
     """Two unit vectors that make a right-handed frame with the unit normal (Duff et al., JCGT 2017)."""
     sign = select(nz >= 0.0, 1.0, -1.0)
@@ -40,7 +40,7 @@ def frame_of(nx, ny, nz):  # type: ignore[no-untyped-def]
     return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def sample_cosine(u, v):  # type: ignore[no-untyped-def]
     """A direction with density cos / pi."""
     s, c = sine_cosine_of_turns(v)
@@ -48,7 +48,7 @@ def sample_cosine(u, v):  # type: ignore[no-untyped-def]
     return r * c, r * s, math.sqrt(max(0.0, 1.0 - u))
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
     """A microfacet normal as seen from (x, y, z), z > 0."""
     sx, sy, sz = alpha * x, alpha * y, z
@@ -71,7 +71,7 @@ def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
     return nx * scale, ny * scale, nz * scale
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0_dielectric, transmission, choose_coat):  # type: ignore[no-untyped-def]
     """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
 
@@ -82,8 +82,9 @@ def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alp
     hx, hy, hz = hx * scale, hy * scale, hz * scale
     cosine = wox * hx + woy * hy + woz * hz
     # D / (4 o i (1 + L_o + L_i)) and D / (4 o (1 + L_o)), Smith's L being (root / cosine - 1) / 2, over one division.
+    # D's denominator from the sine: 1 + cos^2 (alpha^2 - 1) would lose all its digits in single precision.
     a2 = alpha * alpha
-    d = hz * hz * (a2 - 1.0) + 1.0
+    d = hz * hz * a2 + (hx * hx + hy * hy)
     root_o = math.sqrt(woz * woz + a2 * (wox * wox + woy * woy))
     root_i = math.sqrt(wiz * wiz + a2 * (wix * wix + wiy * wiy))
     one, both = woz + root_o, root_o * wiz + root_i * woz
@@ -101,7 +102,7 @@ def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alp
     )
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def coat_probability(woz, base_r, base_g, base_b, metallic, f0_dielectric, transmission):  # type: ignore[no-untyped-def]
     """With which probability to sample the coat rather than the diffuse body: by their share of energy."""
     f_d = fresnel_schlick(f0_dielectric, woz)

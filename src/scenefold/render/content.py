@@ -104,7 +104,7 @@ def scene_arrays(
         group_first,
         matrices,
         _normal_matrices(matrices),
-        material_rows(tables),
+        material_rows(tables).astype(np.float32),
         texture_rows,
         texels,
         linear_of_srgb(),

@@ -12,12 +12,15 @@ import numpy as np
 from numba import njit
 
 from scenefold.base.rays import KIND_CAMERA, PDF_DELTA
-from scenefold.render.math_kernels import decode_direction, encode_color, encode_direction, path_key, uniform
-from scenefold.render.record_kernels import write_path_ray
+from scenefold.render.dice_kernels import PAIR_PIXEL, dice_of, pair
+from scenefold.render.lane_values_kernels import alike, lane_numbers, put, real_of_whole, take
+from scenefold.render.lanes_kernels import LANES
+from scenefold.render.math_kernels import decode_direction, encode_color, encode_direction
+from scenefold.render.record_kernels import set_t_done, write_rays
 from scenefold.render.space_kernels import box_span
 
-DIMENSION_PIXEL_X = 16
-DIMENSION_PIXEL_Y = 17
+SCRATCH_WORDS = 12 * LANES
+"""uint32 words that kernels which go in lanes want to work in."""
 
 
 def scattering_stride(pixels: int) -> int:
@@ -28,43 +31,99 @@ def scattering_stride(pixels: int) -> int:
     return stride
 
 
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def pixels_of(job, first_path, paths, scratch):  # type: ignore[no-untyped-def]
+    """(pixel, sample) of paths of a pass, words; first_path is the number of the pass's path 0 among all of the job."""
+    pixels = job.width * job.height
+    put(scratch, 0, paths)
+    for k in range(LANES):
+        number = first_path + np.int64(scratch[k])
+        sample = number // pixels
+        scratch[k] = np.uint32((number - sample * pixels) * job.stride % pixels)
+        scratch[LANES + k] = np.uint32(sample)
+    return take(scratch, 0), take(scratch, LANES)
+
+
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def generate_pass(job, first_path, out):  # type: ignore[no-untyped-def]
-    """Write the camera rays of paths first_path .. first_path + len(out) - 1 to out, uint32[n, 9].
+def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def]
+    """Write the camera rays of paths first_path .. first_path + len(out) - 1 to out, uint32[n, 9]; scratch uint32[SCRATCH_WORDS].
 
     A ray is born where it enters the job's box: seen from a camera far away, single precision would not tell
     one surface from the next. One that misses the box altogether is born with t_done 65535.
     """
-    pixels = job.width * job.height
-    camera = job.camera
-    white = encode_color(1.0, 1.0, 1.0, np.uint64(0), 0, 0)
-    for i in range(out.shape[0]):
-        number = first_path + i
-        pixel = (number % pixels) * job.stride % pixels
-        key = path_key(job.seed, job.frame, pixel, number // pixels)
-        x = ((pixel % job.width) + uniform(key, 0, DIMENSION_PIXEL_X)) / job.width * 2.0 - 1.0
-        y = 1.0 - ((pixel // job.width) + uniform(key, 0, DIMENSION_PIXEL_Y)) / job.height * 2.0
-        x, y = x * camera[12], y * camera[13]
-        ox, oy, oz = camera[0], camera[1], camera[2]
-        dx, dy, dz = camera[9], camera[10], camera[11]
+    camera, low, high = job.camera, job.box_low, job.box_high
+    reals = scratch.view(np.float32)
+    within = camera[14] == 0.0
+    for axis in range(3):
+        within = within and low[axis] < camera[axis] < high[axis]
+    nobody = alike(np.uint32(0), lane_numbers())
+    half = alike(0.5, real_of_whole(nobody))
+    white_low, white_high = encode_color(half * 2.0, half * 2.0, half * 2.0, (half, half, half))
+    made, count = 0, out.shape[0]
+    for first in range(0, count, LANES):
+        paths = lane_numbers() + np.uint32(first)
+        pixel, sample = pixels_of(job, first_path, paths, scratch)
+        u, v = pair(job, dice_of(job, pixel, sample, nobody), PAIR_PIXEL)
+        for k in range(LANES):
+            row = scratch[k] // np.uint32(job.width)
+            column = np.int64(scratch[k]) - np.int64(row) * job.width
+            reals[2 * LANES + k] = np.float32(2.0 * column / job.width - 1.0)
+            reals[3 * LANES + k] = np.float32(1.0 - 2.0 * row / job.height)
+        x = (take(reals, 2 * LANES) + u * (2.0 / job.width)) * camera[12]
+        y = (take(reals, 3 * LANES) - v * (2.0 / job.height)) * camera[13]
+        right_x, right_y, right_z = x * camera[3] + y * camera[6], x * camera[4] + y * camera[7], x * camera[5] + y * camera[8]
         if camera[14] == 0.0:
-            dx, dy, dz = dx + x * camera[3] + y * camera[6], dy + x * camera[4] + y * camera[7], dz + x * camera[5] + y * camera[8]
+            code_u, code_v = encode_direction(right_x + camera[9], right_y + camera[10], right_z + camera[11])
         else:
-            ox, oy, oz = ox + x * camera[3] + y * camera[6], oy + x * camera[4] + y * camera[7], oz + x * camera[5] + y * camera[8]
-        code_u, code_v = encode_direction(dx, dy, dz)
-        rx, ry, rz = decode_direction(code_u, code_v)
-        t_in, t_out = box_span(ox, oy, oz, rx, ry, rz, job.box_low, job.box_high)
+            zero = alike(0.0, x)
+            code_u, code_v = encode_direction(zero + camera[9], zero + camera[10], zero + camera[11])
+        if within:
+            ox, oy, oz = alike(camera[0], x), alike(camera[1], x), alike(camera[2], x)
+            steps = np.uint32(0)
+        else:
+            dx, dy, dz = decode_direction(code_u, code_v)
+            put(reals, 0 * LANES, dx)
+            put(reals, 1 * LANES, dy)
+            put(reals, 2 * LANES, dz)
+            put(reals, 3 * LANES, right_x)
+            put(reals, 4 * LANES, right_y)
+            put(reals, 5 * LANES, right_z)
+            steps = _enter_box(job, reals)
+            ox, oy, oz = take(reals, 3 * LANES), take(reals, 4 * LANES), take(reals, 5 * LANES)
+        before = made
+        made = write_rays(
+            out, made, paths < np.uint32(count), scratch, ox, oy, oz, code_u, code_v, alike(np.uint32(PDF_DELTA), paths),
+            white_low, white_high, paths, alike(np.uint32(KIND_CAMERA), paths), nobody,
+        )  # fmt: skip
+        for k in range(made - before):
+            if (steps >> np.uint32(k)) & np.uint32(1):
+                set_t_done(out, before + k, 65535)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _enter_box(job, reals):  # type: ignore[no-untyped-def]
+    """Origins where rays enter the box, in reals[3 * LANES:] in place of how far they begin beside the camera; which rays miss it, as bits.
+
+    reals[0 : 3 * LANES]: directions.
+    """
+    camera, low, high = job.camera, job.box_low, job.box_high
+    missed = np.uint32(0)
+    for k in range(LANES):
+        dx, dy, dz = np.float64(reals[k]), np.float64(reals[LANES + k]), np.float64(reals[2 * LANES + k])
+        ox, oy, oz = camera[0], camera[1], camera[2]
+        if camera[14] != 0.0:
+            ox, oy, oz = ox + reals[3 * LANES + k], oy + reals[4 * LANES + k], oz + reals[5 * LANES + k]
+        # Rounded, its origin may miss by a little what it met: there is nothing in the box's margin anyway.
+        t_in, t_out = box_span(ox, oy, oz, dx, dy, dz, low, high)
         if t_in <= t_out:
-            ox, oy, oz = ox + rx * t_in, oy + ry * t_in, oz + rz * t_in
-        fx, fy, fz = np.float32(ox), np.float32(oy), np.float32(oz)
-        t_in, t_out = box_span(
-            float(fx), float(fy), float(fz), float(np.float32(rx)), float(np.float32(ry)), float(np.float32(rz)), job.box_low, job.box_high
-        )
-        step = 0 if t_in <= t_out else 65535
-        write_path_ray(out, i, fx, fy, fz, code_u, code_v, PDF_DELTA, white, i, KIND_CAMERA, 0, step)
+            ox, oy, oz = ox + dx * t_in, oy + dy * t_in, oz + dz * t_in
+        else:
+            missed |= np.uint32(1) << np.uint32(k)
+        reals[3 * LANES + k], reals[4 * LANES + k], reals[5 * LANES + k] = np.float32(ox), np.float32(oy), np.float32(oz)
+    return missed
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def depth_of(job, px, py, pz):  # type: ignore[no-untyped-def]
     """How far a point is from the camera, or from its plane if the camera is orthographic."""
     camera = job.camera

@@ -1,6 +1,6 @@
 """What lanes have beside Python's operators: choosing, one lane of several, bits, and memory (lanes_kernels.py).
 
-All of it takes plain numbers as well, where that makes sense: `any_lane` of a bool is that bool.
+What chooses, rounds or gathers takes plain numbers as well: `any_lane` of a bool is that bool.
 """
 
 from __future__ import annotations
@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
@@ -20,12 +19,12 @@ from scenefold.render.lanes_kernels import (
     FLAGS,
     I32_TYPE,
     LANES,
-    LANES_OF,
     REALS,
     WORDS,
     Lanes,
     call_llvm,
     common,
+    lanes_of_number,
     spread,
 )
 
@@ -41,7 +40,7 @@ def select(typingctx, flag, yes, no):
         if kind != types.unliteral(no):
             return None
         if isinstance(flag, Lanes):
-            kind = LANES_OF.get(kind)
+            kind = lanes_of_number(kind)
             if kind is None:
                 return None
 
@@ -70,6 +69,18 @@ def any_lane(typingctx, flag):
 
 
 @intrinsic
+def bits_of_flags(typingctx, flags):
+    """The flags of lanes as a whole number: that of lane k is worth 2^k."""
+    if flags is not FLAGS:
+        return None
+
+    def codegen(context, builder, sig, args):
+        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), context.get_value_type(types.int64))
+
+    return types.int64(flags), codegen
+
+
+@intrinsic
 def opposite(typingctx, flag):
     """Not the flag."""
 
@@ -84,7 +95,7 @@ def alike(typingctx, value, example):
     """The number, in as many lanes as the example has."""
     kind = types.unliteral(value)
     if isinstance(example, Lanes):
-        kind = LANES_OF.get(kind)
+        kind = lanes_of_number(kind)
         if kind is None:
             return None
 
@@ -110,6 +121,16 @@ def _none(kind: Lanes) -> Any:
 
 
 no_words, no_flags = _none(WORDS), _none(FLAGS)
+
+
+@intrinsic
+def lane_numbers(typingctx):
+    """0 in the first lane, 1 in the second, and so on."""
+
+    def codegen(context, builder, sig, args):
+        return ir.Constant(WORDS.vector, list(range(LANES)))
+
+    return WORDS(), codegen
 
 
 # One lane of several ----------------------------------------------------------------------------------------
@@ -144,75 +165,49 @@ def with_lane(typingctx, lanes, number, value):
 # Between types ----------------------------------------------------------------------------------------------
 
 
-def _converter(takes: Lanes, gives: Lanes, build: Callable[[Any, Any, bool], Any], about: str) -> Any:
-    """A function of lanes, or of a number. `build`: of the builder, the value and whether there are several."""
+def _converter(takes: Lanes, gives: Lanes, build: Callable[[Any, Any], Any], about: str) -> Any:
+    """A function of lanes. `build`: of the builder and the value."""
 
     @intrinsic
     def convert(typingctx, value):
-        several = isinstance(value, Lanes)
-        if several and value is not takes:
+        if value is not takes:
             return None
-        result = gives if several else gives.element
 
         def codegen(context, builder, sig, args):
-            operand = args[0] if several else context.cast(builder, args[0], sig.args[0], takes.element)
-            return build(builder, operand, several)
+            return build(builder, args[0])
 
-        return signature(result, value), codegen
+        return signature(gives, value), codegen
 
     convert.__doc__ = about
     return convert
 
 
-def _machine(lanes: Lanes, several: bool) -> ir.Type:
-    return lanes.vector if several else lanes.vector.element
-
-
-def _singles(kind: ir.Type, several: bool) -> ir.Type:
-    """As many of another type."""
-    return ir.VectorType(kind, LANES) if several else kind
-
-
-def _floored(builder: Any, value: Any, several: bool) -> Any:
-    return call_llvm(builder, f"llvm.floor.v{LANES}f64" if several else "llvm.floor.f64", value)
-
-
-def _to_f32(builder: Any, value: Any, several: bool) -> Any:
-    return builder.fpext(builder.fptrunc(value, _singles(ir.FloatType(), several)), _machine(REALS, several))
-
-
-def _of_f32_bits(builder: Any, value: Any, several: bool) -> Any:
-    single = builder.bitcast(builder.trunc(value, _singles(I32_TYPE, several)), _singles(ir.FloatType(), several))
-    return builder.fpext(single, _machine(REALS, several))
-
-
-as_word = _converter(WORDS, WORDS, lambda _, value, __: value, "A whole number as u64; lanes of words as they are.")
-bits_of = _converter(REALS, WORDS, lambda builder, value, several: builder.bitcast(value, _machine(WORDS, several)), "The 64 bits of f64.")
-real_of_bits = _converter(
-    WORDS, REALS, lambda builder, value, several: builder.bitcast(value, _machine(REALS, several)), "The f64 with these 64 bits."
+bits_of = _converter(REALS, WORDS, lambda builder, value: builder.bitcast(value, WORDS.vector), "The 32 bits of f32.")
+real_of_bits = _converter(WORDS, REALS, lambda builder, value: builder.bitcast(value, REALS.vector), "The f32 with these 32 bits.")
+real_of_whole = _converter(
+    WORDS, REALS, lambda builder, value: builder.sitofp(value, REALS.vector), "A whole number of 32 bits with a sign, as the nearest f32."
 )
-rounded_down = _converter(REALS, REALS, _floored, "The largest whole number not above, as f64.")
-in_f32 = _converter(REALS, REALS, _to_f32, "Rounded to f32, as f64.")
-f32_of_bits = _converter(WORDS, REALS, _of_f32_bits, "The f32 with the lower 32 bits, as f64.")
-
-_BIG = 4503599627370496.0
-_BIG_BITS = np.uint64(0x4330000000000000)
-"""2^52: a number with this exponent holds a whole number below 2^52 in its last bits."""
-
-
-_MANTISSA = np.uint64(0xFFFFFFFFFFFFF)
-
-
-@njit(error_model="numpy", _nrt=False)
-def real_of_word(word):
-    """A whole number below 2^52 as f64, exactly: AVX2 has no instruction for that, but a mantissa that is one."""
-    return real_of_bits(word | _BIG_BITS) - _BIG
+whole_of_real = _converter(
+    REALS,
+    WORDS,
+    lambda builder, value: builder.fptosi(value, WORDS.vector),
+    "The whole number of 32 bits with a sign that is left without what stands behind the point. It must be one: -2^31 <= real < 2^31.",
+)
+reversed_bits = _converter(
+    WORDS, WORDS, lambda builder, value: call_llvm(builder, f"llvm.bitreverse.v{LANES}i32", value), "The 32 bits, the last one first."
+)
 
 
-@njit(error_model="numpy", _nrt=False)
-def word_of_real(real):
-    """A whole number from 0 to 2^52 - 1, which is f64, as 64 bits."""
-    return bits_of(real + _BIG) & _MANTISSA
+@intrinsic
+def rounded_down(typingctx, value):
+    """The largest whole number not above; of a plain number, as f64."""
+    kind = value if value is REALS else types.float64
+    name = f"llvm.floor.v{LANES}f32" if value is REALS else "llvm.floor.f64"
+
+    def codegen(context, builder, sig, args):
+        return call_llvm(builder, name, args[0] if value is REALS else context.cast(builder, args[0], sig.args[0], types.float64))
+
+    return signature(kind, value), codegen
 
 
 # Memory -----------------------------------------------------------------------------------------------------
@@ -220,14 +215,17 @@ def word_of_real(real):
 
 @intrinsic
 def gather(typingctx, array, places):
-    """What lies in an array at these places, a tuple with an index for each dimension: lanes or numbers. Reals as f64, whole numbers as u64.
+    """What lies in an array at these places, a tuple with an index for each dimension: lanes, or a number where all places are numbers.
 
-    Nothing is checked. A number where all places are numbers.
+    Reals as f32 and whole numbers as u32, of which the lower 32 bits; plain ones as f64 and u64. Nothing is checked.
     """
     many = any(isinstance(place, Lanes) for place in places)
     of_reals = isinstance(array.dtype, types.Float)
-    element = types.float64 if of_reals else types.uint64
-    result = (REALS if of_reals else WORDS) if many else element
+    if many:
+        result = REALS if of_reals else WORDS
+        element = result.element
+    else:
+        result = element = types.float64 if of_reals else types.uint64
 
     def codegen(context, builder, sig, args):
         view = context.make_array(sig.args[0])(context, builder, args[0])
@@ -238,7 +236,7 @@ def gather(typingctx, array, places):
             indices = []
             for kind, value in zip(kinds, values, strict=True):
                 if isinstance(kind, Lanes):
-                    indices.append(builder.extract_element(value, I32_TYPE(number)))
+                    indices.append(builder.zext(builder.extract_element(value, I32_TYPE(number)), context.get_value_type(types.int64)))
                 else:
                     indices.append(context.cast(builder, value, kind, types.int64))
             pointer = cgutils.get_item_pointer(context, builder, sig.args[0], view, indices, wraparound=False, boundscheck=False)
@@ -253,3 +251,36 @@ def gather(typingctx, array, places):
         return gathered
 
     return signature(result, array, places), codegen
+
+
+@intrinsic
+def take(typingctx, array, at):
+    """Lanes that lie one after the other in uint32[n], or float32[n], from `at` on."""
+    if array.dtype not in (types.uint32, types.float32):
+        return None
+    kind = REALS if array.dtype == types.float32 else WORDS
+
+    def codegen(context, builder, sig, args):
+        return builder.load(_lanes_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1], kind), align=4)
+
+    return signature(kind, array, at), codegen
+
+
+def _lanes_pointer(context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any, kind: Lanes) -> Any:
+    view = context.make_array(array_type)(context, builder, array)
+    place = context.cast(builder, index, index_type, types.int64)
+    pointer = cgutils.get_item_pointer(context, builder, array_type, view, [place], wraparound=False, boundscheck=False)
+    return builder.bitcast(pointer, kind.vector.as_pointer())
+
+
+@intrinsic
+def put(typingctx, array, at, lanes):
+    """Write lanes one after the other into uint32[n], or float32[n], from `at` on; bits are kept as they are."""
+    if not isinstance(lanes, Lanes) or array.dtype not in (types.uint32, types.float32) or lanes is FLAGS:
+        return None
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[2], _lanes_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1], sig.args[2]), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, at, lanes), codegen

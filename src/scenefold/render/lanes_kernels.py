@@ -1,11 +1,12 @@
-"""Lanes: four numbers that go through the same arithmetic at once, written as if they were one.
+"""Lanes: eight numbers that go through the same arithmetic at once, written as if they were one.
 
-numba has no type for a vector register. Here are three: `REALS` (4 x f64), `WORDS` (4 x u64) and `FLAGS` (4 x bool), with the
-operators of Python, `min`, `max`, `abs` and `math.sqrt` on them, so that one function serves numbers and lanes alike.
-A number beside lanes counts for all four. What depends on a comparison is chosen by `select`, never by `if`: both sides are computed.
+numba has no type for a vector register. Here are three: `REALS` (8 x f32), `WORDS` (8 x u32) and `FLAGS` (8 x bool), with the
+operators of Python, `min`, `max`, `abs` and `math.sqrt` on them. A number beside lanes counts for all eight, rounded to
+their type. What depends on a comparison is chosen by `select`, never by `if`: both sides are computed.
 
-Every lane is rounded by itself, exactly as a number would be (IEEE 754; nothing is fused or reassociated), so
-lanes change no bits: a test holds every function that is used on both against itself.
+Every lane is rounded by itself (IEEE 754 single precision; nothing is fused or reassociated), so what comes of a ray does not
+depend on its company: a test puts rays into other lanes, and asks for the same bits. Most functions take plain numbers
+too, and then compute in double precision: another test holds lanes against that.
 
 What is no operator of Python is in lane_values_kernels.py.
 """
@@ -23,9 +24,9 @@ from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin, models, register_model
 
-LANES: Final = 4
+LANES: Final = 8
 
-I32_TYPE, _I64, BIT_TYPE, _F64 = ir.IntType(32), ir.IntType(64), ir.IntType(1), ir.DoubleType()
+I32_TYPE, BIT_TYPE, F32_TYPE = ir.IntType(32), ir.IntType(1), ir.FloatType()
 
 
 class Lanes(types.Type):  # type: ignore[misc]
@@ -40,10 +41,19 @@ class Lanes(types.Type):  # type: ignore[misc]
         return self.element
 
 
-REALS: Final = Lanes(types.float64, _F64)
-WORDS: Final = Lanes(types.uint64, _I64)
+REALS: Final = Lanes(types.float32, F32_TYPE)
+WORDS: Final = Lanes(types.uint32, I32_TYPE)
 FLAGS: Final = Lanes(types.boolean, BIT_TYPE)
-LANES_OF: Final = {kind.element: kind for kind in (REALS, WORDS, FLAGS)}
+
+
+def lanes_of_number(kind: types.Type) -> Lanes | None:
+    """The lanes in which numbers of this type go."""
+    kind = types.unliteral(kind)
+    if isinstance(kind, types.Boolean):
+        return FLAGS
+    if isinstance(kind, types.Float):
+        return REALS
+    return WORDS if isinstance(kind, types.Integer) else None
 
 
 @register_model(Lanes)
@@ -154,8 +164,6 @@ _binary(operator.add, _by_kind("fadd", "add"), (REALS, WORDS))
 _binary(operator.sub, _by_kind("fsub", "sub"), (REALS, WORDS))
 _binary(operator.mul, _by_kind("fmul", "mul"), (REALS, WORDS))
 _binary(operator.truediv, lambda builder, _, left, right: builder.fdiv(left, right), (REALS,))
-_binary(operator.floordiv, lambda builder, _, left, right: builder.udiv(left, right), (WORDS,))
-_binary(operator.mod, lambda builder, _, left, right: builder.urem(left, right), (WORDS,))
 _binary(operator.and_, lambda builder, _, left, right: builder.and_(left, right), (WORDS, FLAGS))
 _binary(operator.or_, lambda builder, _, left, right: builder.or_(left, right), (WORDS, FLAGS))
 _binary(operator.xor, lambda builder, _, left, right: builder.xor(left, right), (WORDS,))
@@ -169,5 +177,5 @@ _binary(min, _lesser, (REALS,))
 _binary(max, _greater, (REALS,))
 _unary(operator.neg, lambda builder, _, value: builder.fneg(value), (REALS,))
 _unary(operator.invert, lambda builder, _, value: builder.not_(value), (FLAGS, WORDS))
-_unary(abs, lambda builder, _, value: call_llvm(builder, f"llvm.fabs.v{LANES}f64", value), (REALS,))
-_unary(math.sqrt, lambda builder, _, value: call_llvm(builder, f"llvm.sqrt.v{LANES}f64", value), (REALS,))
+_unary(abs, lambda builder, _, value: call_llvm(builder, f"llvm.fabs.v{LANES}f32", value), (REALS,))
+_unary(math.sqrt, lambda builder, _, value: call_llvm(builder, f"llvm.sqrt.v{LANES}f32", value), (REALS,))

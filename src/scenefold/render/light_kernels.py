@@ -2,7 +2,7 @@
 
 The choice among sky, punctual lights and emitters depends on the job alone, the choice of an emitter on its
 power: so the node where a path later finds the emitter can tell the same density from what it sees there.
-Points are lanes, or numbers.
+Points are lanes.
 """
 
 from __future__ import annotations
@@ -14,44 +14,40 @@ from numba import njit
 
 from scenefold.render.arrays import LightColumn
 from scenefold.render.bsdf_kernels import frame_of, luminance
-from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, rounded_down, select, word_of_real
-from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns, uniform
+from scenefold.render.dice_kernels import PAIR_LIGHT, PAIR_LIGHT_POINT, pair
+from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, rounded_down, select, whole_of_real
+from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
 from scenefold.render.space_kernels import box_span, diagonal_of_box, offset_origin
-
-DIMENSION_CHOICE = 3
-DIMENSION_POINT_U = 4
-DIMENSION_POINT_V = 5
-DIMENSION_ALIAS = 6
 
 _KIND, _POSITION, _DIRECTION, _COLOR = LightColumn.KIND, LightColumn.POSITION, LightColumn.DIRECTION, LightColumn.COLOR
 _COS_INNER, _COS_OUTER, _PROBABILITY = LightColumn.COS_INNER, LightColumn.COS_OUTER, LightColumn.PROBABILITY
 _SPOT, _DIRECTIONAL = 1.0, 2.0
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def sky_pdf(job):  # type: ignore[no-untyped-def]
     """Density per steradian with which next-event estimation asks for a sky direction above the surface."""
     return job.choose_sky * 0.5 * INVERSE_PI
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def emitter_pdf(job, radiance_r, radiance_g, radiance_b, squared_distance, cosine):  # type: ignore[no-untyped-def]
     """Density per steradian of sampling a point of an emitter that is seen at this distance and cosine.
 
     Emitters are chosen by luminance x area, points uniformly by area: the area cancels.
     """
-    power = luminance(radiance_r, radiance_g, radiance_b) * job.inverse_emitter_power
-    return job.choose_emitter * power * squared_distance / cosine
+    power = luminance(radiance_r, radiance_g, radiance_b) * (job.inverse_emitter_power * job.choose_emitter)
+    return power * squared_distance / cosine
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _far_end(px, py, pz, dx, dy, dz, job):  # type: ignore[no-untyped-def]
     """Where a direction leaves the job's box: the end of a shadow ray towards something infinitely far."""
     _, t_out = box_span(px, py, pz, dx, dy, dz, job.box_low, job.box_high)
     return px + dx * t_out, py + dy * t_out, pz + dz * t_out
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _chosen(flag, sample, other):  # type: ignore[no-untyped-def]
     """Of two light samples one: the first where the flag is set."""
     return (
@@ -69,16 +65,16 @@ def _chosen(flag, sample, other):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(error_model="numpy", _nrt=False)
-def sample_light(scene, job, key, bounce, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def sample_light(scene, job, dice, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
     """A light sample for the point p whose geometric normal (to the viewer's side) is n.
 
     Returns (found, wx, wy, wz, end x, y, z, r, g, b, pdf): unit direction, end point of the shadow ray,
     radiance divided by the sample's probability, and the density per steradian for multiple importance
     sampling (0 for lights that no other technique can find). Where nothing was found the rest means nothing.
     """
-    choice = uniform(key, bounce, DIMENSION_CHOICE)
-    u, v = uniform(key, bounce, DIMENSION_POINT_U), uniform(key, bounce, DIMENSION_POINT_V)
+    choice, alias = pair(job, dice, PAIR_LIGHT)
+    u, v = pair(job, dice, PAIR_LIGHT_POINT)
     zero = alike(0.0, px)
     sample = (alike(False, px), zero, zero, zero, zero, zero, zero, zero, zero, zero, zero)
     to_sky = choice < job.choose_sky
@@ -90,11 +86,11 @@ def sample_light(scene, job, key, bounce, px, py, pz, nx, ny, nz):  # type: igno
     if any_lane(to_punctual):
         sample = _chosen(to_punctual, _sample_punctual(scene, job, rest / job.choose_punctual, px, py, pz), sample)
     if job.choose_emitter > 0.0 and any_lane(to_emitter):
-        sample = _chosen(to_emitter, _sample_emitter(scene, job, uniform(key, bounce, DIMENSION_ALIAS), u, v, px, py, pz), sample)
+        sample = _chosen(to_emitter, _sample_emitter(scene, job, alias, u, v, px, py, pz), sample)
     return sample
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _sample_sky(job, u, v, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
     s, c = sine_cosine_of_turns(v)
     r = math.sqrt(max(0.0, 1.0 - u * u))
@@ -107,18 +103,18 @@ def _sample_sky(job, u, v, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-d
     return alike(True, px), wx, wy, wz, ex, ey, ez, r, g, b, alike(pdf, px)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _sample_punctual(scene, job, choice, px, py, pz):  # type: ignore[no-untyped-def]
     lights = scene.punctual_lights
     last = lights.shape[0] - 1
-    index = alike(np.uint64(0), px)
+    index = alike(np.uint32(0), px)
     goes_on = alike(True, px)
     for step in range(last):
         goes_on = goes_on & (choice >= lights[step, _PROBABILITY])
         if not any_lane(goes_on):
             break
         choice = select(goes_on, choice - lights[step, _PROBABILITY], choice)
-        index = select(goes_on, np.uint64(step + 1), index)
+        index = select(goes_on, np.uint32(step + 1), index)
     kind = gather(lights, (index, _KIND))
     weight = 1.0 / (gather(lights, (index, _PROBABILITY)) * job.choose_punctual)
     r, g, b = gather(lights, (index, _COLOR)), gather(lights, (index, _COLOR + 1)), gather(lights, (index, _COLOR + 2))
@@ -142,12 +138,12 @@ def _sample_punctual(scene, job, choice, px, py, pz):  # type: ignore[no-untyped
     return _chosen(is_far, (alike(True, px), -lx, -ly, -lz, ex, ey, ez, r, g, b, alike(0.0, px)), near)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-untyped-def]
     count = scene.emitter_threshold.shape[0]
     scaled = alias * count
     column = min(rounded_down(scaled), count - 1.0)
-    index = word_of_real(column)
+    index = whole_of_real(column)
     kept = scaled - column < gather(scene.emitter_threshold, (index,))
     index = select(kept, index, gather(scene.emitter_alias, (index,)))
     corners = scene.emitter_vertices
@@ -166,7 +162,7 @@ def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-unt
     scale = 1.0 / math.sqrt(squared)
     wx, wy, wz = wx * scale, wy * scale, wz * scale
     cosine = -(wx * nx + wy * ny + wz * nz)
-    turned = (cosine < 0.0) & (gather(scene.emitter_two_sided, (index,)) != np.uint64(0))
+    turned = (cosine < 0.0) & (gather(scene.emitter_two_sided, (index,)) != np.uint32(0))
     cosine, nx, ny, nz = select(turned, -cosine, cosine), select(turned, -nx, nx), select(turned, -ny, ny), select(turned, -nz, nz)
     radiance = scene.emitter_radiance
     r, g, b = gather(radiance, (index, 0)), gather(radiance, (index, 1)), gather(radiance, (index, 2))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 
 from scenefold.render.arrays import F64, JobNumbers, LightColumn
 from scenefold.render.bsdf_kernels import luminance
+from scenefold.render.dice_kernels import SAMPLER_SOBOL
 from scenefold.render.generate_kernels import scattering_stride
 from scenefold.render.job import Job
-from scenefold.render.setup_kernels import emitter_power, sine_cosine
+from scenefold.render.precise_kernels import sine_cosine
+from scenefold.render.setup_kernels import emitter_power
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.tables import SceneTables
 
@@ -75,6 +79,7 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
     power = float(emitter_power(tables.lights.corners.copy(), tables.lights.emission.copy()))
     present = (max(job.sky) > 0.0, any(max(light.color) > 0.0 for light in tables.punctual), power > 0.0)
     choose_sky, choose_punctual, choose_emitter = _choices(*present)
+    dice = dice_seed(job.seed, job.frame)
     return JobNumbers(
         box_low=low,
         box_high=high,
@@ -91,7 +96,15 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
         samples=job.samples,
         depth=job.depth,
         stride=scattering_stride(job.width * job.height),
+        dice_low=dice & 0xFFFFFFFF,
+        dice_high=dice >> 32,
+        sampler=SAMPLER_SOBOL,
     )
+
+
+def dice_seed(seed: int, frame: int) -> int:
+    """64 bits that the random numbers of all paths of a job follow from."""
+    return int.from_bytes(hashlib.sha256(b"scenefold/dice" + seed.to_bytes(8, "big") + frame.to_bytes(8, "big")).digest()[:8], "big")
 
 
 def _choices(sky: bool, punctual: bool, emitters: bool) -> tuple[float, float, float]:

@@ -24,7 +24,7 @@ from numba import njit
 
 from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import fresnel_schlick
-from scenefold.render.math_kernels import mix64
+from scenefold.render.precise_kernels import mix64
 from scenefold.render.texture_kernels import sample_texture
 
 ALPHA_MASK = 1.0
@@ -41,13 +41,13 @@ _BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLI
 _WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def is_see_through(row):  # type: ignore[no-untyped-def]
-    """Whether anything can pass a material: float64[MaterialColumn.WIDTH]."""
+    """Whether anything can pass a material: float32[MaterialColumn.WIDTH]."""
     return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and row[_METALLIC] < 1.0)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def opacity(row, alpha):  # type: ignore[no-untyped-def]
     """Of a material whose base colour has this alpha."""
     if row[_ALPHA_MODE] == ALPHA_MASK:
@@ -57,7 +57,7 @@ def opacity(row, alpha):  # type: ignore[no-untyped-def]
     return 1.0
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def is_surely_opaque(mode, cutoff, alpha, base_texture):  # type: ignore[no-untyped-def]
     """Whether alpha hides nothing of a material anywhere (lanes, or numbers); next-event estimation asks no other emitters.
 
@@ -67,14 +67,14 @@ def is_surely_opaque(mode, cutoff, alpha, base_texture):  # type: ignore[no-unty
     return (mode == 0.0) | ((base_texture < 0.0) & whole)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def passed_share(transmission, ior, metallic, cosine):  # type: ignore[no-untyped-def]
     """q: how much of the light that meets the surface at this cosine passes straight on, before tint (lanes, or numbers)."""
     ratio = (ior - 1.0) / (ior + 1.0)
     return transmission * (1.0 - metallic) * (1.0 - fresnel_schlick(ratio * ratio, cosine))
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def cosine_at(scene, triangle, matrix, normal_matrix, dx, dy, dz):  # type: ignore[no-untyped-def]
     """The cosine, in the world, at which a ray along d meets a triangle; d is in the triangle's own space.
 
@@ -100,7 +100,7 @@ def cosine_at(scene, triangle, matrix, normal_matrix, dx, dy, dz):  # type: igno
     return abs(nx * dx + ny * dy + nz * dz) / math.sqrt(max(squared, 1e-60))
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     """Which shares (red, green, blue) of light that meets a triangle at barycentric (u, v) pass straight on.
 
@@ -130,7 +130,7 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     return 1.0 - a + passed * r, 1.0 - a + passed * g, 1.0 - a + passed * b
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def skip_draw(key, bounce_and_kind, instance, group, primitive):  # type: ignore[no-untyped-def]
     """A number in [0, 1) for one candidate of one ray; equal wherever and however often it is asked for."""
     name = mix64((np.uint64(instance) << np.uint64(32)) ^ np.uint64(primitive))

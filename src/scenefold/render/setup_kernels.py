@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from scenefold.render.bsdf_kernels import luminance
-from scenefold.render.math_kernels import PI, power_of, sine_cosine_of_turns
+from scenefold.render.precise_kernels import power_of
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -22,17 +22,11 @@ def linear_of_srgb() -> np.ndarray:  # type: ignore[type-arg]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def sine_cosine(radians):  # type: ignore[no-untyped-def]
-    """(sin, cos) of an angle, 0 <= radians <= 2 pi."""
-    return sine_cosine_of_turns(radians / (2.0 * PI))
-
-
-@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def emitter_power(corners, radiance):  # type: ignore[no-untyped-def]
     """Sum of luminance x area over emissive triangles, float32[n, 3, 3] and float32[n, 3], in order."""
     total = 0.0
     for i in range(corners.shape[0]):
-        ax, ay, az = float(corners[i, 0, 0]), float(corners[i, 0, 1]), float(corners[i, 0, 2])
+        ax, ay, az = np.float64(corners[i, 0, 0]), np.float64(corners[i, 0, 1]), np.float64(corners[i, 0, 2])
         ux, uy, uz = corners[i, 1, 0] - ax, corners[i, 1, 1] - ay, corners[i, 1, 2] - az
         vx, vy, vz = corners[i, 2, 0] - ax, corners[i, 2, 1] - ay, corners[i, 2, 2] - az
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

@@ -20,44 +20,27 @@ from scenefold.render.bsdf_kernels import (
     coat_probability,
     evaluate,
     frame_of,
-    luminance,
     sample_cosine,
     sample_visible_normal,
 )
-from scenefold.render.generate_kernels import depth_of
+from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
+from scenefold.render.generate_kernels import depth_of, pixels_of
 from scenefold.render.lane_values_kernels import (
     alike,
     any_lane,
+    bits_of,
+    bits_of_flags,
     gather,
-    lane_of,
-    no_flags,
-    no_words,
+    lane_numbers,
     opposite,
-    real_of_word,
+    put,
     select,
-    with_lane,
+    take,
 )
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_pdf
-from scenefold.render.math_kernels import (
-    decode_color,
-    decode_direction,
-    decode_pdf,
-    encode_color,
-    encode_direction,
-    encode_pdf,
-    path_key,
-    uniform,
-)
-from scenefold.render.record_kernels import (
-    color_code_of,
-    is_shadow_ray,
-    path_of,
-    pdf_code_of,
-    read_hit_rays,
-    write_path_ray,
-    write_shadow_ray,
-)
+from scenefold.render.math_kernels import decode_color, decode_direction, decode_pdf, encode_color, encode_direction, encode_pdf
+from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.surface_kernels import material_at, surface_at
@@ -82,12 +65,6 @@ COUNT_SHADOW_RAYS = 0
 COUNT_NOT_FINITE = 1
 COUNT_CLAMPED = 2
 
-DIMENSION_BSDF_U = 0
-DIMENSION_BSDF_V = 1
-DIMENSION_LOBE = 2
-DIMENSION_ROULETTE = 7
-DIMENSION_THROUGHPUT = 8
-DIMENSION_CONTRIBUTION = 12
 ROULETTE_FROM = 3
 
 _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
@@ -101,7 +78,7 @@ _BASE_TEXTURE = MaterialColumn.BASE_TEXTURE
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
     """Add a contribution to its path, in whole units of 2^-32, so that any order gives the same sum."""
     total = r + g + b
@@ -116,58 +93,102 @@ def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
     sums[path, 2] += np.int64(b * SUM_UNIT + 0.5)
 
 
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _add_lanes(sums, counters, scratch, flags, path, r, g, b):  # type: ignore[no-untyped-def]
+    reals = scratch.view(np.float32)
+    put(scratch, 0, path)
+    put(reals, LANES, r)
+    put(reals, 2 * LANES, g)
+    put(reals, 3 * LANES, b)
+    left = bits_of_flags(flags)
+    for k in range(LANES):
+        if (left >> k) & 1:
+            _add(
+                sums, counters, np.int64(scratch[k]),
+                np.float64(reals[LANES + k]), np.float64(reals[2 * LANES + k]), np.float64(reals[3 * LANES + k]),
+            )  # fmt: skip
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _count_lanes(counters, counter, flags):  # type: ignore[no-untyped-def]
+    left = bits_of_flags(flags)
+    for k in range(LANES):
+        counters[counter] += (left >> k) & 1
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _power_weight(pdf, other):  # type: ignore[no-untyped-def]
+    """The power heuristic, beta = 2, of a technique beside another one; of densities whose squares single precision has not, too."""
+    ratio = other / pdf
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _places(listed, first, count, scratch):  # type: ignore[no-untyped-def]
+    """(places, live): listed[first : first + LANES]; where there are fewer, the last one again, and not live."""
+    for k in range(LANES):
+        scratch[k] = np.uint32(listed[min(first + k, count - 1)])
+    return take(scratch, 0), lane_numbers() < np.uint32(min(count - first, LANES))
+
+
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, hits, out):  # type: ignore[no-untyped-def]
+def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, listed, scratch, out):  # type: ignore[no-untyped-def]
     """Shade a cast batch; returns how many new rays were written to `out`.
 
     rays uint32[n, 9]; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]: instance, group, primitive;
     first_path: global number of the pass's path 0; sums int64[paths, 3]; aovs int32[paths, AOV_COLUMNS];
-    counters int64[COUNTERS]; hits int64[>= n], scratch; out uint32[>= 2 n, 9], rays with t_done 0.
+    counters int64[COUNTERS]; listed int64[>= 2 n] and scratch uint32[SCRATCH_WORDS] to work in; out uint32[>= 2 n, 9], rays with t_done 0.
     """
-    count = 0
-    for i in range(rays.shape[0]):
+    batch = rays.shape[0]
+    hits, frees = listed[:batch], listed[batch:]
+    hit_count = free_count = 0
+    for i in range(batch):
+        counters[COUNT_SHADOW_RAYS] += np.int64(is_shadow_ray(rays, i))
+        # Shadow rays that hit are dead: the caster says so.
         if status[i] == STATUS_HIT:
-            hits[count] = i
-            count += 1
-            # Shadow rays that hit are dead: the caster says so.
-            continue
-        shadow = is_shadow_ray(rays, i)
-        if shadow:
-            counters[COUNT_SHADOW_RAYS] += 1
-        if status[i] != STATUS_FREE:
-            continue
-        path = path_of(rays, i)
-        r, g, b = decode_color(color_code_of(rays, i))
-        if shadow:
-            _add(sums, counters, path, r, g, b)
-            continue
-        pdf_code = pdf_code_of(rays, i)
-        weight = 1.0
-        if pdf_code != PDF_DELTA:
-            pdf, other = decode_pdf(pdf_code), sky_pdf(job)
-            weight = pdf * pdf / (pdf * pdf + other * other)
-        _add(sums, counters, path, r * job.sky[0] * weight, g * job.sky[1] * weight, b * job.sky[2] * weight)
+            hits[hit_count] = i
+            hit_count += 1
+        elif status[i] == STATUS_FREE:
+            frees[free_count] = i
+            free_count += 1
+    for first in range(0, free_count, LANES):
+        _deliver(rays, frees, first, free_count, job, sums, counters, scratch)
     made = 0
-    for first in range(0, count, LANES):
-        made = _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, out, made)
+    for first in range(0, hit_count, LANES):
+        made = _shade_hits(
+            rays, hits, first, hit_count, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, scratch, out, made
+        )  # fmt: skip
     return made
 
 
-@njit(error_model="numpy", _nrt=False)
-def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, out, made):  # type: ignore[no-untyped-def]
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _deliver(rays, frees, first, count, job, sums, counters, scratch):  # type: ignore[no-untyped-def]
+    """Shadow rays that arrived bring their contribution, path rays that left the box that of the sky."""
+    at, live = _places(frees, first, count, scratch)
+    ray = read_rays(rays, at)
+    r, g, b = decode_color(ray.color_low, ray.color_high)
+    to_sky = (ray.kind != np.uint32(KIND_SHADOW)) & (ray.kind != np.uint32(KIND_POINT_SHADOW))
+    weight = select(ray.pdf == np.uint32(PDF_DELTA), 1.0, _power_weight(decode_pdf(ray.pdf), sky_pdf(job)))
+    r, g, b = (
+        select(to_sky, r * job.sky[0] * weight, r),
+        select(to_sky, g * job.sky[1] * weight, g),
+        select(to_sky, b * job.sky[2] * weight, b),
+    )
+    _add_lanes(sums, counters, scratch, live, ray.path, r, g, b)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, scratch, out, made):  # type: ignore[no-untyped-def]
     """Hits first .. first + LANES - 1; where there are fewer, lanes that are left shade the last one again, and nothing comes of them."""
-    at, live = no_words(), no_flags()
-    for k in range(LANES):
-        at = with_lane(at, k, hits[min(first + k, count - 1)])
-        live = with_lane(live, k, first + k < count)
-    ray = read_hit_rays(rays, at)
+    at, live = _places(hits, first, count, scratch)
+    ray = read_rays(rays, at)
     instance = gather(hit_ids, (at, 0))
     triangle = gather(scene.group_first, (gather(hit_ids, (at, 1)),)) + gather(hit_ids, (at, 2))
     u, v = gather(hit_uv, (at, 0)), gather(hit_uv, (at, 1))
     px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = surface_at(scene, triangle, instance, u, v)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
-    base_r, base_g, base_b, metallic, alpha = material_at(scene, material, tu, tv)
+    base_r, base_g, base_b, metallic, alpha = material_at(scene, material, tu, tv, scratch)
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
     front = facing > 0.0
@@ -180,10 +201,12 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     squared = qx * qx + qy * qy + qz * qz
 
     diagonal = diagonal_of_box(job.box_low, job.box_high)
-    _note_first_hits(live & (ray.kind == np.uint64(KIND_CAMERA)), ray, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs)
+    seen_first = live & (ray.kind == np.uint32(KIND_CAMERA))
+    if any_lane(seen_first):
+        _note_first_hits(seen_first, ray.path, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs, scratch)
 
     # What the caster's filter lets pass is not shaded; what is shaded stands for the rest (see_through_kernels).
-    r, g, b = decode_color(ray.color)
+    r, g, b = decode_color(ray.color_low, ray.color_high)
     through, tint_r, tint_g, tint_b = alike(0.0, px), alike(0.0, px), alike(0.0, px), alike(0.0, px)
     transmission, ior = gather(rows, (material, _TRANSMISSION)), gather(rows, (material, _IOR))
     clear = (transmission > 0.0) & (metallic < 1.0)
@@ -191,7 +214,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         share = passed_share(transmission, ior, metallic, facing)
         least, most = min(base_r, min(base_g, base_b)), max(base_r, max(base_g, base_b))
         left = 1.0 - share * least
-        live = live & (opposite(clear) | (left > 1e-9))
+        live = live & (opposite(clear) | (left > 1e-6))
         r, g, b = select(clear, r / left, r), select(clear, g / left, g), select(clear, b / left, b)
         tinted = clear & (most > least)
         range_ = select(tinted, most - least, 1.0)
@@ -208,25 +231,16 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
             gather(rows, (material, _ALPHA_MODE)), gather(rows, (material, _ALPHA_CUTOFF)),
             gather(rows, (material, _BASE + 3)), gather(rows, (material, _BASE_TEXTURE)),
         )  # fmt: skip
-        pdf, other = decode_pdf(ray.pdf), emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
-        weight = select((ray.pdf != np.uint64(PDF_DELTA)) & (facing > 1e-6) & opaque, pdf * pdf / (pdf * pdf + other * other), 1.0)
-        for k in range(LANES):
-            if lane_of(shines, k):
-                w = lane_of(weight, k)
-                _add(
-                    sums, counters, lane_of(ray.path, k),
-                    lane_of(r, k) * lane_of(emission_r, k) * w,
-                    lane_of(g, k) * lane_of(emission_g, k) * w,
-                    lane_of(b, k) * lane_of(emission_b, k) * w,
-                )  # fmt: skip
-    live = live & (real_of_word(ray.bounce) + 1.0 < job.depth)
+        found = (ray.pdf != np.uint32(PDF_DELTA)) & (facing > 1e-6) & opaque
+        other = emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
+        weight = select(found, _power_weight(decode_pdf(ray.pdf), other), 1.0)
+        _add_lanes(sums, counters, scratch, shines, ray.path, r * emission_r * weight, g * emission_g * weight, b * emission_b * weight)
+    live = live & (ray.bounce + np.uint32(1) < np.uint32(job.depth))
     if not any_lane(live):
         return made
 
-    pixels = np.uint64(job.width * job.height)
-    number = ray.path + np.uint64(first_path)
-    sample = number // pixels
-    key = path_key(job.seed, job.frame, (number - sample * pixels) * np.uint64(job.stride) % pixels, sample)
+    pixel, sample = pixels_of(job, first_path, ray.path, scratch)
+    dice = dice_of(job, pixel, sample, ray.bounce)
     ratio = (ior - 1.0) / (ior + 1.0)
     f0 = ratio * ratio
     ax, ay, az, bx, by, bz = frame_of(sx, sy, sz)
@@ -237,33 +251,30 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, diagonal)
 
     # A shadow ray towards one light sample.
-    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, key, ray.bounce, fx, fy, fz, gx, gy, gz)
+    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, dice, fx, fy, fz, gx, gy, gz)
     found = live & found & (wx * gx + wy * gy + wz * gz > 0.0)
     if any_lane(found):
         wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
         vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0, transmission, coat)
         quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
         finite = light_pdf > 0.0
-        weight = wiz * select(finite, light_pdf * light_pdf / (light_pdf * light_pdf + quantised * quantised), 1.0)
+        weight = wiz * select(finite, _power_weight(light_pdf, quantised), 1.0)
         cr, cg, cb = r * vr * lr * weight, g * vg * lg * weight, b * vb * lb * weight
-        code = encode_color(cr, cg, cb, key, ray.bounce, DIMENSION_CONTRIBUTION)
+        low, high = encode_color(cr, cg, cb, noise(dice, NOISE_CONTRIBUTION))
         total = cr + cg + cb
-        for k in range(LANES):
-            if not lane_of(found, k):
-                continue
-            if not lane_of(total, k) < math.inf:
-                counters[COUNT_NOT_FINITE] += 1
-            elif lane_of(total, k) > 0.0:
-                write_shadow_ray(
-                    out, made, np.float32(lane_of(fx, k)), np.float32(lane_of(fy, k)), np.float32(lane_of(fz, k)),
-                    np.float32(lane_of(ex, k)), np.float32(lane_of(ey, k)), np.float32(lane_of(ez, k)),
-                    lane_of(code, k), lane_of(ray.path, k), KIND_SHADOW if lane_of(finite, k) else KIND_POINT_SHADOW, lane_of(ray.bounce, k),
-                )  # fmt: skip
-                made += 1
+        sound = total < math.inf
+        lost = found & opposite(sound)
+        if any_lane(lost):
+            _count_lanes(counters, COUNT_NOT_FINITE, lost)
+        kind = select(finite, np.uint32(KIND_SHADOW), np.uint32(KIND_POINT_SHADOW))
+        made = write_rays(
+            out, made, found & sound & (total > 0.0), scratch, fx, fy, fz, bits_of(ex), bits_of(ey), bits_of(ez),
+            low, high, ray.path, kind, ray.bounce,
+        )  # fmt: skip
 
     # The path goes on: straight through, off the coat, or off the diffuse body.
-    lobe = uniform(key, ray.bounce, DIMENSION_LOBE)
-    u, v = uniform(key, ray.bounce, DIMENSION_BSDF_U), uniform(key, ray.bounce, DIMENSION_BSDF_V)
+    lobe, gamble = pair(job, dice, PAIR_LOBE_ROULETTE)
+    u, v = pair(job, dice, PAIR_SCATTER)
     straight = lobe < through
     glossy = (lobe - through) < coat * (1.0 - through)
     wix, wiy, wiz = sample_cosine(u, v)
@@ -284,7 +295,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     pdf = pdf * (1.0 - through)
     live = live & (straight | (above & (wx * gx + wy * gy + wz * gz > 0.0) & (pdf > 0.0)))
     weight = wiz / pdf
-    next_pdf = select(straight, np.uint64(PDF_DELTA), encode_pdf(pdf))
+    next_pdf = select(straight, np.uint32(PDF_DELTA), encode_pdf(pdf))
     r, g, b = (
         select(straight, r * tint_r, r * vr * weight),
         select(straight, g * tint_g, g * vg * weight),
@@ -294,43 +305,38 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         ox, oy, oz = offset_origin(px, py, pz, -gx, -gy, -gz, diagonal)
         fx, fy, fz = select(straight, ox, fx), select(straight, oy, fy), select(straight, oz, fz)
         code_u, code_v = select(straight, ray.code_u, code_u), select(straight, ray.code_v, code_v)
-    finite = r + g + b < math.inf
-    lost = live & opposite(finite)
+    sound = r + g + b < math.inf
+    lost = live & opposite(sound)
     if any_lane(lost):
-        for k in range(LANES):
-            counters[COUNT_NOT_FINITE] += np.int64(lane_of(lost, k))
-    live = live & finite
-    gambles = real_of_word(ray.bounce) + 1.0 >= ROULETTE_FROM
+        _count_lanes(counters, COUNT_NOT_FINITE, lost)
+    live = live & sound
+    gambles = ray.bounce + np.uint32(1) >= np.uint32(ROULETTE_FROM)
     if any_lane(gambles):
         survive = select(gambles, min(max(r, max(g, b)), 0.95), 1.0)
-        live = live & (uniform(key, ray.bounce, DIMENSION_ROULETTE) < survive)
+        live = live & (gamble < survive)
         r, g, b = r / survive, g / survive, b / survive
-    code = encode_color(r, g, b, key, ray.bounce, DIMENSION_THROUGHPUT)
-    live = live & (code != np.uint64(0)) & (luminance(r, g, b) > 0.0)
-    for k in range(LANES):
-        if lane_of(live, k):
-            write_path_ray(
-                out, made, np.float32(lane_of(fx, k)), np.float32(lane_of(fy, k)), np.float32(lane_of(fz, k)),
-                lane_of(code_u, k), lane_of(code_v, k), lane_of(next_pdf, k),
-                lane_of(code, k), lane_of(ray.path, k), KIND_BOUNCE, lane_of(ray.bounce, k) + np.uint64(1), 0,
-            )  # fmt: skip
-            made += 1
-    return made
+    low, high = encode_color(r, g, b, noise(dice, NOISE_THROUGHPUT))
+    live = live & ((low | high) != np.uint32(0))
+    return write_rays(
+        out, made, live, scratch, fx, fy, fz, code_u, code_v, next_pdf, low, high, ray.path,
+        alike(np.uint32(KIND_BOUNCE), ray.path), ray.bounce + np.uint32(1),
+    )  # fmt: skip
 
 
-@njit(error_model="numpy", _nrt=False)
-def _note_first_hits(first, ray, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs):  # type: ignore[no-untyped-def]
-    if not any_lane(first):
-        return
-    depth = min(depth_of(job, px, py, pz) / diagonal, 100.0)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _note_first_hits(first, path, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs, scratch):  # type: ignore[no-untyped-def]
+    reals = scratch.view(np.float32)
+    put(scratch, 0, path)
+    put(reals, LANES, min(base_r, 100.0))
+    put(reals, 2 * LANES, min(base_g, 100.0))
+    put(reals, 3 * LANES, min(base_b, 100.0))
+    put(reals, 4 * LANES, sx)
+    put(reals, 5 * LANES, sy)
+    put(reals, 6 * LANES, sz)
+    put(reals, 7 * LANES, min(depth_of(job, px, py, pz) / diagonal, 100.0))
+    left = bits_of_flags(first)
     for k in range(LANES):
-        if lane_of(first, k):
-            path = lane_of(ray.path, k)
-            aovs[path, 0] = np.int32(min(lane_of(base_r, k), 100.0) * AOV_UNIT + 0.5)
-            aovs[path, 1] = np.int32(min(lane_of(base_g, k), 100.0) * AOV_UNIT + 0.5)
-            aovs[path, 2] = np.int32(min(lane_of(base_b, k), 100.0) * AOV_UNIT + 0.5)
-            aovs[path, 3] = np.int32(math.floor(lane_of(sx, k) * AOV_UNIT + 0.5))
-            aovs[path, 4] = np.int32(math.floor(lane_of(sy, k) * AOV_UNIT + 0.5))
-            aovs[path, 5] = np.int32(math.floor(lane_of(sz, k) * AOV_UNIT + 0.5))
-            aovs[path, 6] = np.int32(lane_of(depth, k) * AOV_UNIT + 0.5)
-            aovs[path, 7] = np.int32(1)
+        if (left >> k) & 1:
+            for column in range(7):
+                aovs[scratch[k], column] = np.int32(math.floor(reals[(column + 1) * LANES + k] * AOV_UNIT + 0.5))
+            aovs[scratch[k], 7] = np.int32(1)

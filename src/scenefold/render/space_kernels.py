@@ -1,7 +1,7 @@
 """Rays in the job's box: spans, steps of t_done, and origins that do not hit their own surface.
 
-A ray's span is where it crosses the job's box; t_done counts 65,535 steps of it (specs/07-rays.md). Everything
-here is float64 from the packed record, so any node computes the same step for the same ray.
+A ray's span is where it crosses the job's box; t_done counts 65,535 steps of it (specs/07-rays.md). Spans and steps
+are float64 from the packed record, so any node computes the same step for the same ray; origins are made in lanes.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import math
 
 from numba import njit
 
-from scenefold.render.lane_values_kernels import in_f32, select
+from scenefold.render.lane_values_kernels import select
 
 _STEPS = 65535.0
 _OFFSET_OF_DIAGONAL = 2.0**-18
 _OFFSET_OF_COORDINATE = 2.0**-20
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _slab(origin, direction, low, high, t_in, t_out):  # type: ignore[no-untyped-def]
     parallel, outside = abs(direction) < 1e-30, (origin < low) | (origin > high)
     inverse = 1.0 / direction
@@ -28,7 +28,7 @@ def _slab(origin, direction, low, high, t_in, t_out):  # type: ignore[no-untyped
     )
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def box_span(ox, oy, oz, dx, dy, dz, low, high):  # type: ignore[no-untyped-def]
     """(t_in, t_out) of the ray in the box, from t = 0 on; t_in > t_out if it misses."""
     t_in, t_out = _slab(ox, dx, low[0], high[0], 0.0, math.inf)
@@ -36,13 +36,13 @@ def box_span(ox, oy, oz, dx, dy, dz, low, high):  # type: ignore[no-untyped-def]
     return _slab(oz, dz, low[2], high[2], t_in, t_out)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def t_of_step(step, t_in, t_out):  # type: ignore[no-untyped-def]
     """Where along the ray step k of its span lies."""
     return t_in + (t_out - t_in) * (step / _STEPS)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def step_after(t, t_in, t_out, step):  # type: ignore[no-untyped-def]
     """The first step at or behind t, at least one past `step`, at most 65535: so a ray always gets on."""
     if not t < t_out:
@@ -54,16 +54,16 @@ def step_after(t, t_in, t_out, step):  # type: ignore[no-untyped-def]
     return min(max(following, step + 1), 65535)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def diagonal_of_box(low, high):  # type: ignore[no-untyped-def]
     """The length of a box's diagonal."""
     x, y, z = high[0] - low[0], high[1] - low[1], high[2] - low[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def offset_origin(px, py, pz, nx, ny, nz, diagonal):  # type: ignore[no-untyped-def]
-    """The origin, rounded to f32, of a ray that leaves the surface point on the side into which the unit normal points.
+    """The origin of a ray that leaves the surface point on the side into which the unit normal points.
 
     It must lie so far off that rounding cannot bring it back: of the caster's differences, which grow with the
     scene (its box's diagonal), and of the point itself, in the world and in an instance's space, which grow with
@@ -71,4 +71,4 @@ def offset_origin(px, py, pz, nx, ny, nz, diagonal):  # type: ignore[no-untyped-
     thickness in a scene of millimetres, and nothing in one of kilometres.
     """
     step = diagonal * _OFFSET_OF_DIAGONAL + max(abs(px), max(abs(py), abs(pz))) * _OFFSET_OF_COORDINATE
-    return in_f32(px + nx * step), in_f32(py + ny * step), in_f32(pz + nz * step)
+    return px + nx * step, py + ny * step, pz + nz * step

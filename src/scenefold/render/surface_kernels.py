@@ -9,7 +9,7 @@ from numba import njit
 
 from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import ALPHA_MIN
-from scenefold.render.lane_values_kernels import alike, any_lane, gather, lane_of, select, with_lane
+from scenefold.render.lane_values_kernels import alike, any_lane, gather, put, select, take
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.texture_kernels import sample_texture
 
@@ -18,13 +18,13 @@ _BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLI
 _WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _blend(w, u, v, array, i0, i1, i2, column):  # type: ignore[no-untyped-def]
     """A column of an array of vertices, between three corners."""
     return w * gather(array, (i0, column)) + u * gather(array, (i1, column)) + v * gather(array, (i2, column))
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _turned(matrices, instance, x, y, z):  # type: ignore[no-untyped-def]
     """A vector through the left 3 x 3 of each lane's matrix."""
     return (
@@ -34,7 +34,7 @@ def _turned(matrices, instance, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     """World point, geometric normal by winding, shading normal, and texture coordinates of hits."""
     i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
@@ -43,10 +43,13 @@ def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     x0, y0, z0 = gather(p, (i0, 0)), gather(p, (i0, 1)), gather(p, (i0, 2))
     e1x, e1y, e1z = gather(p, (i1, 0)) - x0, gather(p, (i1, 1)) - y0, gather(p, (i1, 2)) - z0
     e2x, e2y, e2z = gather(p, (i2, 0)) - x0, gather(p, (i2, 1)) - y0, gather(p, (i2, 2)) - z0
-    px, py, pz = x0 + u * e1x + v * e2x, y0 + u * e1y + v * e2y, z0 + u * e1z + v * e2z
+    px, py, pz = x0 + (u * e1x + v * e2x), y0 + (u * e1y + v * e2y), z0 + (u * e1z + v * e2z)
+    # By the longest side, so that the products of tiny and of huge triangles stay far from the ends of the range.
+    size = 1.0 / max(max(max(abs(e1x), abs(e1y)), max(abs(e1z), abs(e2x))), max(max(abs(e2y), abs(e2z)), 1e-30))
+    e1x, e1y, e1z, e2x, e2y, e2z = e1x * size, e1y * size, e1z * size, e2x * size, e2y * size, e2z * size
     gx, gy, gz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
     sx, sy, sz = _blend(w, u, v, n, i0, i1, i2, 0), _blend(w, u, v, n, i0, i1, i2, 1), _blend(w, u, v, n, i0, i1, i2, 2)
-    placed = instance != np.uint64(0)
+    placed = instance != np.uint32(0)
     if any_lane(placed):
         m, k = scene.instance_matrices, scene.instance_normals
         qx, qy, qz = _turned(m, instance, px, py, pz)
@@ -59,7 +62,7 @@ def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
         gx, gy, gz = select(placed, qx, gx), select(placed, qy, gy), select(placed, qz, gz)
         qx, qy, qz = _turned(k, instance, sx, sy, sz)
         sx, sy, sz = select(placed, qx, sx), select(placed, qy, sy), select(placed, qz, sz)
-    scale = 1.0 / math.sqrt(max(gx * gx + gy * gy + gz * gz, 1e-60))
+    scale = 1.0 / math.sqrt(max(gx * gx + gy * gy + gz * gz, 1e-36))
     gx, gy, gz = gx * scale, gy * scale, gz * scale
     squared = sx * sx + sy * sy + sz * sz
     smooth = squared > 1e-12
@@ -68,34 +71,39 @@ def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     return px, py, pz, gx, gy, gz, sx, sy, sz, _blend(w, u, v, t, i0, i1, i2, 0), _blend(w, u, v, t, i0, i1, i2, 1)
 
 
-@njit(error_model="numpy", _nrt=False)
-def _texture(scene, material, column, tu, tv):  # type: ignore[no-untyped-def]
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _texture(scene, material, column, tu, tv, scratch):  # type: ignore[no-untyped-def]
     """Red, green and blue of the texture that a column of the materials names; 1 where there is none.
 
     Lane by lane: almost all that it does is to look up texels.
     """
-    rows = scene.materials
+    rows, reals = scene.materials, scratch.view(np.float32)
     named = gather(rows, (material, column))
-    r, g, b = alike(1.0, tu), alike(1.0, tu), alike(1.0, tu)
-    if any_lane(named >= 0.0):
-        for k in range(LANES):
-            texture = int(lane_of(named, k))
-            if texture >= 0:
-                row = rows[lane_of(material, k)]
-                tr, tg, tb, _ = sample_texture(
-                    scene.textures, scene.texels, scene.linear_of_srgb, texture,
-                    lane_of(tu, k), lane_of(tv, k), int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0,
-                )  # fmt: skip
-                r, g, b = with_lane(r, k, tr), with_lane(g, k, tg), with_lane(b, k, tb)
-    return r, g, b
+    one = alike(1.0, tu)
+    if not any_lane(named >= 0.0):
+        return one, one, one
+    put(scratch, 0, material)
+    put(reals, LANES, tu)
+    put(reals, 2 * LANES, tv)
+    for k in range(LANES):
+        row = rows[scratch[k]]
+        texture = int(row[column])
+        r = g = b = 1.0
+        if texture >= 0:
+            r, g, b, _ = sample_texture(
+                scene.textures, scene.texels, scene.linear_of_srgb, texture,
+                reals[LANES + k], reals[2 * LANES + k], int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0,
+            )  # fmt: skip
+        reals[3 * LANES + k], reals[4 * LANES + k], reals[5 * LANES + k] = np.float32(r), np.float32(g), np.float32(b)
+    return take(reals, 3 * LANES), take(reals, 4 * LANES), take(reals, 5 * LANES)
 
 
-@njit(error_model="numpy", _nrt=False)
-def material_at(scene, material, tu, tv):  # type: ignore[no-untyped-def]
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def material_at(scene, material, tu, tv, scratch):  # type: ignore[no-untyped-def]
     """Base colour, metallic and roughness with their textures applied."""
     rows = scene.materials
-    tr, tg, tb = _texture(scene, material, _BASE_TEXTURE, tu, tv)
+    tr, tg, tb = _texture(scene, material, _BASE_TEXTURE, tu, tv, scratch)
     r, g, b = gather(rows, (material, _BASE)) * tr, gather(rows, (material, _BASE + 1)) * tg, gather(rows, (material, _BASE + 2)) * tb
-    _, tg, tb = _texture(scene, material, _MR_TEXTURE, tu, tv)
+    _, tg, tb = _texture(scene, material, _MR_TEXTURE, tu, tv, scratch)
     roughness, metallic = gather(rows, (material, _ROUGHNESS)) * tg, gather(rows, (material, _METALLIC)) * tb
     return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)

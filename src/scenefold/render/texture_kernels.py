@@ -11,7 +11,7 @@ from scenefold.render.arrays import TextureColumn
 _OFFSET, _WIDTH, _HEIGHT, _SRGB = TextureColumn.OFFSET, TextureColumn.WIDTH_PX, TextureColumn.HEIGHT_PX, TextureColumn.SRGB
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
     if wrap == 1:
         return min(max(index, 0), size - 1)
@@ -21,7 +21,7 @@ def _wrapped(index, size, wrap):  # type: ignore[no-untyped-def]
     return index % size
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _texel(textures, texels, linear_of_srgb, texture, column, row):  # type: ignore[no-untyped-def]
     at = textures[texture, _OFFSET] + (row * textures[texture, _WIDTH] + column) * 4
     r, g, b, a = texels[at], texels[at + 1], texels[at + 2], texels[at + 3] / 255.0
@@ -30,7 +30,7 @@ def _texel(textures, texels, linear_of_srgb, texture, column, row):  # type: ign
     return r / 255.0, g / 255.0, b / 255.0, a
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def sample_texture(textures, texels, linear_of_srgb, texture, u, v, wrap_s, wrap_t, nearest):  # type: ignore[no-untyped-def]
     """Linear RGBA (four f64) at texture coordinates (u, v), v from the top as glTF has it."""
     width, height = textures[texture, _WIDTH], textures[texture, _HEIGHT]

@@ -8,18 +8,15 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from scenefold.render import bsdf_kernels, light_kernels, math_kernels, record_kernels, space_kernels, texture_kernels
+from scenefold.render import bsdf_kernels, light_kernels, precise_kernels, record_kernels, space_kernels, texture_kernels
 
-_sine_cosine, _log2, _exp2, _power = (
-    math_kernels.sine_cosine_of_turns,
-    math_kernels.log2_of,
-    math_kernels.exp2_of,
-    math_kernels.power_of,
+_sine_cosine, _log2, _exp2, _power, _path_key = (
+    precise_kernels.sine_cosine_of,
+    precise_kernels.log2_of,
+    precise_kernels.exp2_of,
+    precise_kernels.power_of,
+    precise_kernels.path_key,
 )
-_encode_direction, _decode_direction = math_kernels.encode_direction, math_kernels.decode_direction
-_encode_color, _decode_color = math_kernels.encode_color, math_kernels.decode_color
-_encode_pdf, _decode_pdf = math_kernels.encode_pdf, math_kernels.decode_pdf
-_uniform, _path_key = math_kernels.uniform, math_kernels.path_key
 _box_span, _t_of_step, _step_after, _offset = (
     space_kernels.box_span,
     space_kernels.t_of_step,
@@ -33,26 +30,22 @@ _evaluate, _visible_normal, _cosine, _frame = (
     bsdf_kernels.sample_cosine,
     bsdf_kernels.frame_of,
 )
-_sample_light, _emitter_pdf = light_kernels.sample_light, light_kernels.emitter_pdf
-_write_path_ray, _write_shadow_ray = record_kernels.write_path_ray, record_kernels.write_shadow_ray
-_kind_of, _bounce_of, _t_done_of, _path_of = (
+_emitter_pdf = light_kernels.emitter_pdf
+_kind_of, _t_done_of, _path_of, _color_of, _origin_of, _end_of, _set_t_done, _keep = (
     record_kernels.kind_of,
-    record_kernels.bounce_of,
     record_kernels.t_done_of,
     record_kernels.path_of,
-)
-_color_of, _pdf_of, _origin_of, _end_of, _set_t_done = (
     record_kernels.color_code_of,
-    record_kernels.pdf_code_of,
     record_kernels.origin_of,
     record_kernels.end_of,
     record_kernels.set_t_done,
+    record_kernels.keep_channels,
 )
 
 
 @njit(cache=True, error_model="numpy")
 def elementary(x: Any, turns: Any) -> Any:
-    """[n, 4]: sine and cosine of turns, log2 and exp2 of x."""
+    """[n, 4]: sine and cosine of turns, log2 of x, and powers of two from 2^-1000 to 2^1000 by turns."""
     out = np.empty((x.size, 4))
     for i in range(x.size):
         out[i, 0], out[i, 1] = _sine_cosine(turns[i])
@@ -70,60 +63,6 @@ def powers(base: Any, exponent: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def direction_codes(vectors: Any) -> Any:
-    """uint32[n, 2]"""
-    out = np.empty((vectors.shape[0], 2), np.uint32)
-    for i in range(vectors.shape[0]):
-        out[i, 0], out[i, 1] = _encode_direction(vectors[i, 0], vectors[i, 1], vectors[i, 2])
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def directions(codes: Any) -> Any:
-    """f64[n, 3]"""
-    out = np.empty((codes.shape[0], 3))
-    for i in range(codes.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2] = _decode_direction(codes[i, 0], codes[i, 1])
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def color_codes(colors: Any, keys: Any) -> Any:
-    """uint64[n] of f64[n, 3], rounded with these keys."""
-    out = np.empty(keys.size, np.uint64)
-    for i in range(keys.size):
-        out[i] = _encode_color(colors[i, 0], colors[i, 1], colors[i, 2], keys[i], 3, 8)
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def colors(codes: Any) -> Any:
-    """f64[n, 3]"""
-    out = np.empty((codes.size, 3))
-    for i in range(codes.size):
-        out[i, 0], out[i, 1], out[i, 2] = _decode_color(codes[i])
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def pdf_codes(densities: Any) -> Any:
-    """int64[n]"""
-    out = np.empty(densities.size, np.int64)
-    for i in range(densities.size):
-        out[i] = _encode_pdf(densities[i])
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def pdfs(codes: Any) -> Any:
-    """f64[n]"""
-    out = np.empty(codes.size)
-    for i in range(codes.size):
-        out[i] = _decode_pdf(codes[i])
-    return out
-
-
-@njit(cache=True, error_model="numpy")
 def path_keys(seed: Any, frame: Any, pixels: Any, samples: Any) -> Any:
     """uint64[n]"""
     out = np.empty(pixels.size, np.uint64)
@@ -133,40 +72,21 @@ def path_keys(seed: Any, frame: Any, pixels: Any, samples: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def uniforms(keys: Any, bounce: Any, dimension: Any) -> Any:
-    """f64[n]"""
-    out = np.empty(keys.size)
-    for i in range(keys.size):
-        out[i] = _uniform(keys[i], bounce, dimension)
-    return out
+def read_fields(rays: Any, i: Any) -> Any:
+    """(kind, step, path, colour code, origin, end)"""
+    return _kind_of(rays, i), _t_done_of(rays, i), _path_of(rays, i), _color_of(rays, i), _origin_of(rays, i), _end_of(rays, i)
 
 
 @njit(cache=True, error_model="numpy")
-def write_path(rays: Any, i: Any, origin: Any, codes: Any, pdf: Any, color: Any, path: Any, kind: Any, bounce: Any, step: Any) -> Any:
-    """Write one path ray."""
-    _write_path_ray(rays, i, origin[0], origin[1], origin[2], codes[0], codes[1], pdf, color, path, kind, bounce, step)
-
-
-@njit(cache=True, error_model="numpy")
-def write_shadow(rays: Any, i: Any, origin: Any, end: Any, color: Any, path: Any, kind: Any, bounce: Any, step: Any) -> Any:
-    """Write one shadow ray, and its step after that."""
-    _write_shadow_ray(rays, i, origin[0], origin[1], origin[2], end[0], end[1], end[2], color, path, kind, bounce)
+def set_t_done(rays: Any, i: Any, step: Any) -> None:
+    """Write a ray's certificate."""
     _set_t_done(rays, i, step)
 
 
 @njit(cache=True, error_model="numpy")
-def read_fields(rays: Any, i: Any) -> Any:
-    """(kind, bounce, step, path, colour code, pdf code, origin, end)"""
-    return (
-        _kind_of(rays, i),
-        _bounce_of(rays, i),
-        _t_done_of(rays, i),
-        _path_of(rays, i),
-        _color_of(rays, i),
-        _pdf_of(rays, i),
-        _origin_of(rays, i),
-        _end_of(rays, i),
-    )
+def keep_channels(rays: Any, i: Any, channels: Any) -> Any:
+    """Whether anything is left of the colour with these channels alone."""
+    return _keep(rays, i, channels)
 
 
 @njit(cache=True, error_model="numpy")
@@ -259,20 +179,6 @@ def scattered(wo: Any, alpha: Any, choose_coat: Any, numbers: Any) -> Any:
             out[i, 0], out[i, 1], out[i, 2] = cosine * hx - wo[0], cosine * hy - wo[1], cosine * hz - wo[2]
         else:
             out[i, 0], out[i, 1], out[i, 2] = _cosine(u, v)
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def light_samples(scene: Any, job: Any, keys: Any, point: Any, normal: Any) -> Any:
-    """f64[n, 11]: found, direction, end, radiance by probability, density."""
-    out = np.empty((keys.size, 11))
-    for i in range(keys.size):
-        found, wx, wy, wz, ex, ey, ez, r, g, b, pdf = _sample_light(
-            scene, job, keys[i], 2, point[0], point[1], point[2], normal[0], normal[1], normal[2]
-        )
-        out[i, 0] = 1.0 if found else 0.0
-        out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5], out[i, 6] = wx, wy, wz, ex, ey, ez
-        out[i, 7], out[i, 8], out[i, 9], out[i, 10] = r, g, b, pdf
     return out
 
 

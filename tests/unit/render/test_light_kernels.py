@@ -9,7 +9,10 @@ import numpy.typing as npt
 import pytest
 
 from scenefold.render.arrays import JobNumbers, LightColumn, MaterialColumn, SceneArrays
+from scenefold.render.dice_kernels import SAMPLER_SOBOL
+from scenefold.render.lanes_kernels import LANES
 from scenefold.render.setup_kernels import emitter_power, linear_of_srgb
+from unit.render import lanes_probe_kernels as lanes
 from unit.render import probe_kernels as probe
 
 Floats = npt.NDArray[np.float64]
@@ -66,7 +69,7 @@ def lit_scene() -> SceneArrays:
         np.zeros(0, np.int64),
         np.zeros((0, 3, 4)),
         np.zeros((0, 3, 3)),
-        np.zeros((0, MaterialColumn.WIDTH)),
+        np.zeros((0, MaterialColumn.WIDTH), np.float32),
         np.zeros((0, 4), np.int64),
         np.zeros(0, np.uint8),
         linear_of_srgb(),
@@ -82,13 +85,13 @@ def lit_scene() -> SceneArrays:
 def job(sky: float, punctual: float, emitter: float) -> JobNumbers:
     power = float(emitter_power(CORNERS, RADIANCE))
     low, high = np.array([-4.0, -1.0, -4.0]), np.array([4.0, 4.0, 4.0])
-    return JobNumbers(low, high, np.array([1.0, 2.0, 3.0]), sky, punctual, emitter, 1 / power, np.zeros(16), 1, 0, 8, 8, 1, 8, 5)
+    return JobNumbers(
+        low, high, np.array([1.0, 2.0, 3.0]), sky, punctual, emitter, 1 / power, np.zeros(16), 1, 0, 8, 8, 1, 8, 5, 7, 9, SAMPLER_SOBOL
+    )
 
 
 def samples(numbers: JobNumbers, count: int = 200_000) -> Floats:
-    keys = np.random.default_rng(2).integers(0, 2**64, count, np.uint64)
-    found: Floats = probe.light_samples(lit_scene(), numbers, keys, POINT, NORMAL)
-    return found
+    return lanes.lights(lit_scene(), numbers, POINT, np.arange(-(-count // LANES) * LANES, dtype=np.uint32), NORMAL)[:count]
 
 
 def test_power_is_luminance_times_area() -> None:
@@ -100,7 +103,7 @@ def test_samples_are_whole(shares: tuple[float, float, float]) -> None:
     found = samples(job(*shares), 20_000)
     hit = found[found[:, 0] == 1]
     assert len(hit) > 1000
-    assert np.abs(np.linalg.norm(hit[:, 1:4], axis=1) - 1).max() < 1e-12
+    assert np.abs(np.linalg.norm(hit[:, 1:4], axis=1) - 1).max() < 1e-6
     way = hit[:, 4:7] - POINT
     way /= np.linalg.norm(way, axis=1)[:, None]
     assert (way * hit[:, 1:4]).sum(axis=1).min() > 1 - 1e-6, "the end lies where the direction points"
@@ -121,7 +124,7 @@ def test_sky_is_asked_over_the_hemisphere() -> None:
     assert irradiance == pytest.approx(math.pi * np.array([1.0, 2.0, 3.0]), rel=0.01)
     low, high = job(1, 0, 0).box_low, job(1, 0, 0).box_high
     faces = np.minimum(np.abs(found[:, 4:7] - low), np.abs(found[:, 4:7] - high)).min(axis=1)
-    assert faces.max() < 1e-9, "rays to the sky end at the box"
+    assert faces.max() < 1e-5, "rays to the sky end at the box"
 
 
 def analytic_irradiance() -> Floats:
@@ -174,7 +177,7 @@ def test_densities_of_emitters_integrate_to_their_share(choose: float) -> None:
         density = [probe.emitter_density(numbers, radiance.astype(np.float64), t[i] ** 2, cosine[i]) for i in np.flatnonzero(seen)]
         total[seen] += density
     found = samples(numbers)
-    sky = np.isclose(found[:, 10], (1.0 - choose) / (2 * math.pi), rtol=1e-12)
+    sky = np.isclose(found[:, 10], (1.0 - choose) / (2 * math.pi), rtol=1e-6)
     from_emitters = (found[:, 0] == 1) & ~sky
     error = 5 * 4 * math.pi * total.std() / math.sqrt(len(total)) + 0.005
     assert abs(4 * math.pi * total.mean() - from_emitters.mean()) < error, "density integrates to how often it is sampled"
@@ -191,16 +194,17 @@ def test_a_sample_has_the_density_that_a_path_would_tell() -> None:
         number = int(np.abs(distances - np.linalg.norm(row[4:7] - POINT)).argmin())
         cosine = abs(planes[number] @ row[1:4]) / np.linalg.norm(planes[number])
         told = probe.emitter_density(numbers, RADIANCE[number].astype(np.float64), distances[number] ** 2, cosine)
-        assert told == pytest.approx(row[10], rel=1e-5)
+        assert told == pytest.approx(row[10], rel=1e-4)
 
 
 def test_weights_of_both_techniques_sum_to_one() -> None:
-    densities = probe.pdfs(probe.pdf_codes(np.array([1e-6, 0.1, 1 / math.pi, 40.0, 1e5])))
+    codes = lanes.probed("to_pdf_code", np.array([1e-6, 0.1, 1 / math.pi, 40.0, 1e5]))[0]
+    densities = lanes.reals_of(lanes.probed("from_pdf_code", word_columns=(codes,))[0])
     for other in (1e-5, 0.2, 7.0, 3e4):
         by_light = other**2 / (other**2 + densities**2)
         by_surface = densities**2 / (densities**2 + other**2)
         assert by_light + by_surface == pytest.approx(1.0, abs=1e-15)
-    assert np.array_equal(probe.pdfs(probe.pdf_codes(densities)), densities), "both weigh with the same coded density"
+    assert np.array_equal(lanes.probed("to_pdf_code", densities)[0], codes), "both weigh with the same coded density"
 
 
 def test_punctual_lights() -> None:
@@ -208,16 +212,16 @@ def test_punctual_lights() -> None:
     assert (found[:, 10] == 0).all(), "no path can find them"
     way = np.array([0.5, 3.0, 0.0]) - POINT
     squared = way @ way
-    point = np.isclose(found[:, 7], 1.0 / 0.5 / squared)
-    sun = np.isclose(found[:, 7], 1.0 / 0.2)
+    point = np.isclose(found[:, 7], 1.0 / 0.5 / squared, rtol=1e-5)
+    sun = np.isclose(found[:, 7], 1.0 / 0.2, rtol=1e-5)
     assert point.mean() == pytest.approx(0.5, abs=0.01)
     assert sun.mean() == pytest.approx(0.2, abs=0.01)
     assert found[sun, 2] == pytest.approx(1.0), "towards where its light comes from"
     spot = found[~point & ~sun]
     inner, outer = math.cos(0.1), math.cos(0.5)
     angular = min(max((way[1] / math.sqrt(squared) - outer) / (inner - outer), 0), 1) ** 2
-    assert spot[:, 7] == pytest.approx(angular / squared / 0.3)
-    assert found[:, 8] == pytest.approx(2 * found[:, 7])
+    assert spot[:, 7] == pytest.approx(angular / squared / 0.3, rel=1e-4)
+    assert found[:, 8] == pytest.approx(2 * found[:, 7], rel=1e-5)
 
 
 def test_where_there_is_no_light_none_is_found() -> None:

@@ -14,6 +14,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from scenefold.render.arrays import F32, U32
 from scenefold.render.contract import HeldScene
+from scenefold.render.lanes_kernels import LANES
 from scenefold.render.renderers.embree.measuring_kernels import unpack_rays
 
 
@@ -56,7 +57,7 @@ def bare_batch(rays: U32) -> BareBatch:
     """Records uint32[n, 9] as embreex takes rays."""
     origins, directions = np.empty((len(rays), 3), np.float32), np.empty((len(rays), 3), np.float32)
     is_shadow = np.empty(len(rays), np.bool_)
-    unpack_rays(rays, origins, directions, is_shadow)
+    unpack_rays(rays, origins, directions, is_shadow, np.empty(3 * LANES, np.float32))
     shadows = int(is_shadow.sum())
     return BareBatch(origins[~is_shadow], directions[~is_shadow], origins[is_shadow], directions[is_shadow], np.ones(shadows, np.float32))
 

@@ -11,7 +11,7 @@ Memory layouts are Embree 4's (rtcore_ray.h, rtcore_common.h), in 32-bit words:
                 12 Ng 3 | 15 u | 16 v | 17 primID | 18 geomID | 19 instID | 20 instPrimID
     context     0 instID | 1 instPrimID | then ours: 4 best t | 5 instance | 6 group | 7 primitive
                 8-9 path key | 10 bounce and kind | 11 pad of the search | 12-13 address of the table of array addresses
-                14 channels that a shadow ray still carries | 15 Embree's id of instance 1
+                14 channels that a shadow ray still carries | 15 Embree's id of instance 1 | 32-37 1 / direction, 3 x f64
     arguments   0 flags | 1 feature mask | 2-3 context | 4-5 filter | 6-7 function
     filter's    0-1 valid | 2-3 user data, 1 for groups with see-through triangles | 4-5 context | 6-7 ray | 8-9 hit | 10 N
 """
@@ -27,8 +27,18 @@ from numba import carray, cfunc, njit, types
 from scenefold.base.rays import KIND_POINT_SHADOW
 from scenefold.partition.kernels import exit_after, owner_ahead
 from scenefold.render.arrays import F32, F64, I64, U8, U16, U32, MaterialColumn, TextureColumn
-from scenefold.render.math_kernels import decode_direction, path_key
-from scenefold.render.record_kernels import end_of, is_shadow_ray, keep_channels, origin_of, path_of, set_t_done, t_done_of
+from scenefold.render.lanes_kernels import LANES
+from scenefold.render.precise_kernels import path_key
+from scenefold.render.record_kernels import (
+    end_of,
+    is_shadow_ray,
+    keep_channels,
+    origin_of,
+    path_of,
+    set_t_done,
+    t_done_of,
+    unpack_directions,
+)
 from scenefold.render.renderers.embree.memory_kernels import (
     call_with_3,
     f32_at,
@@ -48,11 +58,14 @@ from scenefold.render.see_through_kernels import cosine_at, pass_shares, skip_dr
 from scenefold.render.shade_kernels import STATUS_DEAD, STATUS_FORWARD, STATUS_FREE, STATUS_HIT
 from scenefold.render.space_kernels import box_span, step_after, t_of_step
 
-WORKSPACE_WORDS = 64
-"""uint32 words of a caster's workspace: ray and hit at 0, context at 32, arguments at 48 and 56; 64-byte aligned."""
+WORKSPACE_WORDS = 80
+"""uint32 words of a caster's workspace: ray and hit at 0, context at 32, arguments at 48 and 56, inverses at 64; 64-byte aligned."""
 _CONTEXT = 32
 _ARGUMENTS = 48
 _SHADOW_ARGUMENTS = 56
+_INVERSES = 64
+_TO_INVERSES = 4 * (_INVERSES - _CONTEXT)
+"""Bytes from the context."""
 _NOBODY = np.uint32(0xFFFFFFFF)
 _ALL_CHANNELS = 7
 _INVOKE_ARGUMENT_FILTER = np.uint32(2)
@@ -68,7 +81,7 @@ class FilterArrays(NamedTuple):
     uvs: F32
     triangles: U32
     triangle_material: U16
-    materials: F64
+    materials: F32
     textures: I64
     texels: U8
     linear_of_srgb: F64
@@ -89,7 +102,7 @@ def _passing_channels(context, ray, hit, instance, group, primitive):  # type: i
         carray(f32_at(load_i64(table + 8)), (many, 2)),
         carray(u32_at(load_i64(table + 16)), (many, 3)),
         carray(u16_at(load_i64(table + 24)), (many,)),
-        carray(f64_at(load_i64(table + 32)), (many, _MATERIAL_WIDTH)),
+        carray(f32_at(load_i64(table + 32)), (many, _MATERIAL_WIDTH)),
         carray(i64_at(load_i64(table + 40)), (many, _TEXTURE_WIDTH)),
         carray(u8_at(load_i64(table + 48)), (many,)),
         carray(f64_at(load_i64(table + 56)), (256,)),
@@ -115,9 +128,14 @@ def nearest_filter(arguments):  # type: ignore[no-untyped-def]
     ray = load_i64(arguments + 24)
     hit = load_i64(arguments + 32)
     best = load_f32(context + 16)
+    t = load_f32(ray + 32)
+    if t > best:
+        store_u32(load_i64(arguments), np.uint32(0))
+        return
     primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
-    entry = own_box_entry(load_i64(context + 48), ray, group, primitive)
-    t = max(load_f32(ray + 32), np.float32(entry))
+    inverses = context + _TO_INVERSES if instance == _NOBODY else 0
+    entry = own_box_entry(load_i64(context + 48), ray, group, primitive, inverses)
+    t = max(t, np.float32(entry))
     # Geometry outside instances carries the largest id there is; adding one puts it first, as instance 0.
     mine = np.uint32(instance + np.uint32(1))
     wins = t < best
@@ -147,7 +165,8 @@ def shadow_filter(arguments):  # type: ignore[no-untyped-def]
     """Let a shadow ray pass what is see-through, or found in some trees only; anything else ends it."""
     context, ray, hit = load_i64(arguments + 16), load_i64(arguments + 24), load_i64(arguments + 32)
     primitive, group, instance = load_u32(hit + 20), load_u32(hit + 24), load_u32(hit + 28)
-    entry = own_box_entry(load_i64(context + 48), ray, group, primitive)
+    inverses = context + _TO_INVERSES if instance == _NOBODY else 0
+    entry = own_box_entry(load_i64(context + 48), ray, group, primitive, inverses)
     stops = 0.0 <= entry <= 1.0
     if stops and load_i64(arguments + 8) != 0:
         channels = _passing_channels(context, ray, hit, np.uint32(instance + np.uint32(1)), group, primitive)
@@ -177,7 +196,7 @@ def _prepare(workspace, nearest, shadow, addresses):  # type: ignore[no-untyped-
     return base
 
 
-@njit(error_model="numpy", _nrt=False)
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _write_ray(workspace, reals, ox, oy, oz, dx, dy, dz, t_far):  # type: ignore[no-untyped-def]
     reals[0], reals[1], reals[2], reals[3] = ox, oy, oz, np.float32(0.0)
     reals[4], reals[5], reals[6], reals[7] = dx, dy, dz, np.float32(0.0)
@@ -196,7 +215,9 @@ def cast_batch(  # type: ignore[no-untyped-def]
     scene_address,
     first_instance_id,
     workspace,
+    scratch,
     rays,
+    alone,
     family,
     cells,
     node,
@@ -211,7 +232,8 @@ def cast_batch(  # type: ignore[no-untyped-def]
     rays uint32[n, 9], whose t_done is advanced; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]
     (instance, group, primitive), both written for hits. `first_instance_id`: Embree's id of instance 1. `nearest`
     and `shadow` are the addresses of the two filters, and `addresses`, int64[ARRAY_ADDRESSES], says where these find
-    their arrays; `see_through` is 0 where nothing that is held lets rays pass.
+    their arrays; `see_through` is 0 where nothing that is held lets rays pass. `alone` is not 0 where there is one cell only,
+    so that every ray is cast to its end. scratch uint32[SCRATCH_WORDS].
     A path ray that is already done (65535) left the job's box before it met any cell: it is free at once.
     """
     base = _prepare(workspace, nearest, shadow, addresses)
@@ -224,7 +246,12 @@ def cast_batch(  # type: ignore[no-untyped-def]
     for axis in range(3):
         reach = max(reach, max(abs(low[axis]), abs(high[axis])))
     pad = np.float32(reach * _PAD)
+    directions = scratch.view(np.float32)
+    inverses = workspace.view(np.float64)[_INVERSES // 2 :]
     for i in range(rays.shape[0]):
+        lane = i & (LANES - 1)
+        if lane == 0:
+            unpack_directions(rays, i, directions)
         step = t_done_of(rays, i)
         if step == 65535:
             status[i] = STATUS_FREE
@@ -238,18 +265,19 @@ def cast_batch(  # type: ignore[no-untyped-def]
         if is_shadow:
             ex, ey, ez = end_of(rays, i)
             fx, fy, fz = np.float32(ex - ox), np.float32(ey - oy), np.float32(ez - oz)
-            t_in, t_out = 0.0, 1.0
         else:
-            rx, ry, rz = decode_direction(rays[i, 3], rays[i, 4])
-            fx, fy, fz = np.float32(rx), np.float32(ry), np.float32(rz)
-            t_in, t_out = box_span(float(ox), float(oy), float(oz), float(fx), float(fy), float(fz), low, high)
-        t_exit = exit_after(
-            family, cells, node, float(ox), float(oy), float(oz), float(fx), float(fy), float(fz), t_of_step(step, t_in, t_out)
-        )
-        step = step_after(t_exit, t_in, t_out, step)
-        t_limit = t_of_step(step, t_in, t_out)
-        if step == 65535:
-            t_limit = 1.0 if is_shadow else math.inf
+            fx, fy, fz = directions[lane], directions[LANES + lane], directions[2 * LANES + lane]
+        t_limit = 1.0 if is_shadow else math.inf
+        if alone != 0:
+            step = 65535
+        else:
+            x, y, z, dx, dy, dz = np.float64(ox), np.float64(oy), np.float64(oz), np.float64(fx), np.float64(fy), np.float64(fz)
+            t_in, t_out = (0.0, 1.0) if is_shadow else box_span(x, y, z, dx, dy, dz, low, high)
+            t_exit = exit_after(family, cells, node, x, y, z, dx, dy, dz, t_of_step(step, t_in, t_out))
+            step = step_after(t_exit, t_in, t_out, step)
+            if step < 65535:
+                t_limit = t_of_step(step, t_in, t_out)
+        inverses[0], inverses[1], inverses[2] = 1.0 / np.float64(fx), 1.0 / np.float64(fy), 1.0 / np.float64(fz)
         if is_shadow:
             _write_ray(workspace, reals, ox, oy, oz, fx, fy, fz, min(np.float32(t_limit * (1.0 + 2.0**-22)), np.float32(1.0)))
             workspace[_CONTEXT + 14] = np.uint32(_ALL_CHANNELS)
@@ -280,25 +308,28 @@ def cast_batch(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def find_owners(rays, family, cells, low, high, me, owners):  # type: ignore[no-untyped-def]
+def find_owners(rays, family, cells, low, high, me, owners, scratch):  # type: ignore[no-untyped-def]
     """Which node casts each ray next: the owner of the place up to which it is done.
 
-    A ray that is done for good stays with whoever holds it. owners int32[n] is written.
+    A ray that is done for good stays with whoever holds it. owners int32[n] is written; scratch uint32[SCRATCH_WORDS].
     """
+    directions = scratch.view(np.float32)
     for i in range(rays.shape[0]):
+        lane = i & (LANES - 1)
+        if lane == 0:
+            unpack_directions(rays, i, directions)
         step = t_done_of(rays, i)
         if step == 65535:
             owners[i] = me
             continue
         ox, oy, oz = origin_of(rays, i)
-        x, y, z = float(ox), float(oy), float(oz)
+        x, y, z = np.float64(ox), np.float64(oy), np.float64(oz)
         if is_shadow_ray(rays, i):
             ex, ey, ez = end_of(rays, i)
-            dx, dy, dz = float(np.float32(ex - ox)), float(np.float32(ey - oy)), float(np.float32(ez - oz))
+            dx, dy, dz = np.float64(np.float32(ex - ox)), np.float64(np.float32(ey - oy)), np.float64(np.float32(ez - oz))
             t = t_of_step(step, 0.0, 1.0)
         else:
-            rx, ry, rz = decode_direction(rays[i, 3], rays[i, 4])
-            dx, dy, dz = float(np.float32(rx)), float(np.float32(ry)), float(np.float32(rz))
+            dx, dy, dz = np.float64(directions[lane]), np.float64(directions[LANES + lane]), np.float64(directions[2 * LANES + lane])
             t_in, t_out = box_span(x, y, z, dx, dy, dz, low, high)
             t = t_of_step(step, t_in, t_out)
         owners[i] = owner_ahead(family, cells, x + dx * t, y + dy * t, z + dz * t, dx, dy, dz)

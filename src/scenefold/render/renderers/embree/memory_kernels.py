@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-_I32, _I64, _FLOAT = ir.IntType(32), ir.IntType(64), ir.FloatType()
+_I32, _I64, _FLOAT, _DOUBLE = ir.IntType(32), ir.IntType(64), ir.FloatType(), ir.DoubleType()
 
 
 @intrinsic
@@ -53,6 +53,16 @@ def load_f32(typingctx, address):  # type: ignore[no-untyped-def]
         return builder.load(builder.inttoptr(args[0], _FLOAT.as_pointer()))
 
     return types.float32(types.int64), codegen
+
+
+@intrinsic
+def load_f64(typingctx, address):  # type: ignore[no-untyped-def]
+    """The float64 at an address."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.load(builder.inttoptr(args[0], _DOUBLE.as_pointer()))
+
+    return types.float64(types.int64), codegen
 
 
 @intrinsic

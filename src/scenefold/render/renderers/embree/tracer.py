@@ -16,7 +16,7 @@ from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition
 from scenefold.render.arrays import I64, U8, U32, JobNumbers, SceneArrays
 from scenefold.render.contract import Advanced
-from scenefold.render.generate_kernels import generate_pass
+from scenefold.render.generate_kernels import SCRATCH_WORDS, generate_pass
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.embree import cast_kernels, library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
@@ -48,7 +48,8 @@ class EmbreeTracer:
         self._status = np.empty(CHUNK_RAYS, np.uint8)
         self._hit_uv = np.empty((CHUNK_RAYS, 2), np.float32)
         self._hit_ids = np.empty((CHUNK_RAYS, 3), np.uint32)
-        self._hits = np.empty(CHUNK_RAYS, np.int64)
+        self._listed = np.empty(2 * CHUNK_RAYS, np.int64)
+        self._scratch = _aligned_words(SCRATCH_WORDS)
         self._out = np.empty((3 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._owners = np.empty(3 * CHUNK_RAYS, np.int32)
         self._stack = np.empty((8 * CHUNK_RAYS, RAY_WORDS), np.uint32)
@@ -58,13 +59,15 @@ class EmbreeTracer:
     def generate(self, first_path: int, count: int) -> dict[int, U32]:
         """See `Tracer`. What misses the job's box altogether stays here, to see the sky."""
         rays = np.empty((count, RAY_WORDS), np.uint32)
-        generate_pass(self._job, np.int64(first_path), rays)
+        generate_pass(self._job, np.int64(first_path), rays, self._scratch)
         owners = np.empty(len(rays), np.int32)
         self._find_owners(rays, owners)
         return self._grouped(rays, owners, len(rays))
 
     def advance(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
         """Trace uint32[n, 9] of one pass until each ray ended or left this cell; `sums` is added to."""
+        if self._nodes == 1:
+            return self._finish(rays, first_path, sums)
         top = len(rays)
         # The buffers stay with the tracer: fresh megabytes for each small batch cost more than its rays.
         stack = _with_room(self._stack, 0, top + 4 * CHUNK_RAYS)
@@ -88,6 +91,27 @@ class EmbreeTracer:
         self._stack, self._leaving, self._leaving_owner = stack, leaving, leaving_owner
         return Advanced(self._grouped(leaving, leaving_owner, left), created, retired, casts, shadow_casts)
 
+    def _finish(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
+        """Where there is one cell only, no ray leaves and none is cast twice."""
+        top, created = len(rays), 0
+        stack = _with_room(self._stack, 0, top + 4 * CHUNK_RAYS)
+        stack[:top] = rays
+        shadow_before = int(sums.counters[0])
+        while top > 0:
+            count = min(CHUNK_RAYS, top)
+            batch = stack[top - count : top]
+            status = self._status[:count]
+            self._cast(batch, first_path, status)
+            made = self._shade(batch, first_path, status, sums)
+            top -= count
+            stack = _with_room(stack, top, made)
+            stack[top : top + made] = self._out[:made]
+            top += made
+            created += made
+        self._stack = stack
+        casts = len(rays) + created
+        return Advanced({}, created, casts, casts, int(sums.counters[0]) - shadow_before)
+
     def _step(self, batch: U32, first_path: int, sums: PassSums) -> tuple[int, int]:
         """Cast and shade a chunk; returns (new rays, new and forwarded rays) now in `_out`, owners in `_owners`."""
         status = self._status[: len(batch)]
@@ -108,7 +132,9 @@ class EmbreeTracer:
             np.int64(self._geometry.scene_address),
             np.uint32(self._geometry.first_instance_id),
             self._workspace,
+            self._scratch,
             batch,
+            np.int64(self._nodes == 1),
             self._family,
             self._cells,
             self._me,
@@ -131,7 +157,8 @@ class EmbreeTracer:
             sums.radiance,
             sums.aovs,
             sums.counters,
-            self._hits,
+            self._listed,
+            self._scratch,
             self._out,
         )
         return int(made)
@@ -141,7 +168,7 @@ class EmbreeTracer:
             owners[: len(rays)] = self._me
             return
         job = self._job
-        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners)
+        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners, self._scratch)
 
     def _grouped(self, rays: U32, owners: npt.NDArray[np.int32], count: int) -> dict[int, U32]:
         first: I64 = np.empty(self._nodes + 1, np.int64)
