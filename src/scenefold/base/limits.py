@@ -251,6 +251,12 @@ CLIENT_REQUEST_S = 30.0
 """Seconds that a node may take to answer: a durable write behind a full queue on an old disk."""
 CLIENT_NEXT_S = 2.0
 """Seconds of silence of one node after which another one is asked as well, where any may answer."""
+CLIENT_CONTACT_S = 30.0
+"""For a client's call as long as nobody has answered it anything: who has no network hears so within the time that one answer may take."""
+CLIENT_CONTACT_NEXT_S = 0.5
+"""Seconds of silence after which the next node is asked as well till then: most of those that a profile knows may be away for good."""
+CLIENT_CONTACT_ASKED_MAX = 64
+"""Nodes that are asked one question at a time till then: as many as there are such seconds in that time, for none of them may answer at all."""
 CLIENT_HEDGE_S = 0.5
 """So long a read waits for an owner before holders of copies are asked as well, as long as it is not known how long answers take."""
 CLIENT_HEDGE_S_MIN = 0.01

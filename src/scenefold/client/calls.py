@@ -18,7 +18,6 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import (
-    CLIENT_ASKED_MAX,
     CLIENT_HEDGE_S,
     CLIENT_HEDGE_S_MIN,
     CLIENT_NEXT_S,
@@ -29,6 +28,7 @@ from scenefold.base.limits import (
 )
 from scenefold.base.location import FIRST, Location, arcs_between, even_right_bounds
 from scenefold.client.adopters import Adopters
+from scenefold.client.first_contact import FirstContact, NoContact
 from scenefold.client.former_tables import FormerTables
 from scenefold.client.hedging import first_answer, some_answers
 from scenefold.client.key_use import KeyUse
@@ -85,6 +85,7 @@ class Calls:
         self.leases = Leases(self)
         self._learning = trio.Lock()
         self._has_asked = False
+        self._contact = FirstContact()
         self._links = links
         self.turn = Slots().turn
         """Around a request that moves records."""
@@ -142,12 +143,15 @@ class Calls:
         self.check_own()
         try:
             reply = await self._links.request(address, priority, packet, timeout_s)
-        except Unreachable:
+        except Unreachable as problem:
             self._silent[address] = self.world.clock.now()
+            self._contact.failed(problem)
             raise
         except (Refused, PeerFault):
+            self._contact.made()
             self._silent.pop(address, None)
             raise
+        self._contact.made()
         self._silent.pop(address, None)
         self._notice(reply, address)
         if not isinstance(reply, answer):
@@ -196,7 +200,8 @@ class Calls:
                 return reply
 
         tries = [partial(ask, address) for address in self._addresses_from(first)[:nodes_max]]
-        return await first_answer(tries, next_after_s=CLIENT_NEXT_S, at_a_time=CLIENT_ASKED_MAX, refusal_counts=refusal_counts)
+        contact = self._contact
+        return await first_answer(tries, next_after_s=contact.next_after_s, at_a_time=contact.at_a_time, refusal_counts=refusal_counts)
 
     async def opinions(
         self, packet: Packet, answer: type[Answer], judged: Callable[[Answer], Result], *, first: NodeId | None = None
@@ -215,10 +220,9 @@ class Calls:
         """What `ask` returns for some nodes, by address, as `opinions`; `first` is one of them."""
 
         async def once() -> list[Result]:
-            tries = [partial(ask, address) for address in self._addresses_from(first)]
-            return await some_answers(
-                tries, count=CLIENT_OPINIONS, next_after_s=CLIENT_NEXT_S, more_within_s=CLIENT_OPINION_S, at_a_time=CLIENT_ASKED_MAX
-            )
+            tries, contact = [partial(ask, address) for address in self._addresses_from(first)], self._contact
+            pace = {"next_after_s": contact.next_after_s, "more_within_s": CLIENT_OPINION_S}
+            return await some_answers(tries, count=CLIENT_OPINIONS, at_a_time=contact.at_a_time, **pace)
 
         return await self.of_any(once)
 
@@ -227,7 +231,11 @@ class Calls:
         try:
             return await self.patiently(ask, refresh=False)
         except Unreachable as error:
-            raise no_answer(self._addresses_from(self.table.owners[0].node_id), error) from error
+            raise self._no_answer(error) from error
+
+    def _no_answer(self, last: Unreachable) -> Unreachable:
+        """Of all nodes."""
+        return no_answer(self._addresses_from(self.table.owners[0].node_id), last)
 
     async def refresh(self, first: NodeId | None = None) -> RespondTable:
         """Take the routing table of any node, `first` if it answers."""
@@ -261,9 +269,16 @@ class Calls:
 
     async def patiently(self, call: Callable[[], Awaitable[Result]], *, refresh: bool = True) -> Result:
         """Try a call again while nodes are away or busy, as long as patience lasts, with growing pauses between."""
-        if refresh:
-            await self.learn()
-        return await patiently(self.world, call, self.refresh if refresh else None)
+
+        async def tries() -> Result:
+            if refresh:
+                await self.learn()
+            return await patiently(self.world, call, self.refresh if refresh else None)
+
+        try:
+            return await self._contact.bounded(tries)
+        except NoContact as silence:
+            raise (self._no_answer(silence) if refresh else silence) from silence.__cause__
 
     async def pause(self, patience: Patience) -> None:
         """Wait before the next try."""

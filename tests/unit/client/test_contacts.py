@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+import trio
+from trio.testing import MockClock
 
 from loopback import addresses, free_ports
+from scenefold.base.errors import NotReached, Unreachable
 from scenefold.base.ids import address_of, node_id_of
+from scenefold.base.limits import CLIENT_CONTACT_NEXT_S, CLIENT_CONTACT_S
+from scenefold.client.cluster import Cluster
 from scenefold.client.contacts import CONTACTS_MAX, contacts, named_in_a_token
-from scenefold.wire import LogEntry, RevokeNode
+from scenefold.wire import ListScenes, LogEntry, Packet, RevokeNode, ScenesListed
 from scenefold.wire.enrol_entries import Trust
+from scenefold.world import Priority
 from scenefold.world.log_view import LogView
 from scenefold.world.profile import ClusterProfile
+from unit.client.fake_nodes import FakeNodes, make_world
 from unit.peer.logs_made import add, found, key_of, node, remove
 from unit.world.test_log_view import records
 
@@ -59,5 +67,74 @@ def test_a_token_names_a_first_node_that_was_removed_last(profile: ClusterProfil
     assert named_in_a_token(profile, view) == [node(1), node(2), node(0)]
 
 
-def test_who_has_no_network_is_told_so_soon_however_many_nodes_there_are(profile: ClusterProfile) -> None:
-    assert len(contacts(profile, view_of(*joined(CONTACTS_MAX + 9)))) == CONTACTS_MAX
+CONNECT_S = 10.0
+
+
+class Dropping(FakeNodes):
+    """What is sent to nodes that are away is dropped, so that connecting to them takes its time."""
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if address in self.away:
+            self.asked.append((address, packet))
+            await trio.sleep(min(CONNECT_S, timeout))
+            raise NotReached("no connection to the node: timed out", where=address)
+        return await super().request(address, priority, packet, timeout)
+
+    def cluster(self, profile: ClusterProfile, view: LogView) -> Cluster:
+        """As a client of theirs that has just begun."""
+        links: Any = self
+        return Cluster(profile, make_world(), links, profile.user_secrets(), (view, ()))
+
+    def check_again(self) -> None:
+        """Nobody's connection is looked at."""
+
+
+def nodes_of(cluster: Cluster) -> set[str]:
+    return {owner.address for owner in cluster.calls.table.owners}
+
+
+@pytest.mark.parametrize("known", [0, 2, CONTACTS_MAX, CONTACTS_MAX + 9])
+@pytest.mark.parametrize("refresh", [True, False])
+async def test_who_has_no_network_is_told_so_soon_however_many_nodes_there_are(
+    autojump_clock: MockClock, profile: ClusterProfile, known: int, refresh: bool
+) -> None:
+    """Whatever it asks for, and again the next time."""
+    view = view_of(*joined(known)) if known else LogView()
+    assert len(contacts(profile, view)) == min(known, CONTACTS_MAX)
+    everybody = tuple(address_of(node(number)) for number in range(1 + known))
+    nodes = Dropping(everybody, away=set(everybody))
+    calls = nodes.cluster(profile, view).calls
+
+    async def ask_the_first() -> ScenesListed:
+        return await calls.patiently(lambda: calls.ask(FIRST, ListScenes(0), ScenesListed))
+
+    for _ in range(2):
+        began = trio.current_time()
+        with pytest.raises(Unreachable, match=r"no node of the cluster answers: timed out .*scenectl node run"):
+            await (ask_the_first() if refresh else calls.ask_any(ListScenes(0), ScenesListed))
+        assert trio.current_time() - began <= CLIENT_CONTACT_S
+    assert len({address for address, _ in nodes.asked}) == 1 + min(known, CONTACTS_MAX), "all of them were asked"
+
+
+async def test_the_last_that_is_there_answers_soon_while_all_others_still_try(autojump_clock: MockClock, profile: ClusterProfile) -> None:
+    everybody = tuple(address_of(node(number)) for number in range(1 + CONTACTS_MAX))
+    for ask in ("any", "opinions"):
+        nodes = Dropping(everybody, away=set(everybody[:-1]))
+        calls, began = nodes.cluster(profile, view_of(*joined(CONTACTS_MAX))).calls, trio.current_time()
+        if ask == "any":
+            await calls.ask_any(ListScenes(0), ScenesListed)
+        else:
+            await calls.opinions(ListScenes(0), ScenesListed, id)
+        assert trio.current_time() - began <= CONTACTS_MAX * CLIENT_CONTACT_NEXT_S + 1.0
+
+
+async def test_once_somebody_has_answered_each_request_has_its_own_time(autojump_clock: MockClock, profile: ClusterProfile) -> None:
+    nodes = Dropping((FIRST,))
+    calls = nodes.cluster(profile, LogView()).calls
+
+    async def slow() -> float:
+        await calls.ask(FIRST, ListScenes(0), ScenesListed)
+        await trio.sleep(2 * CLIENT_CONTACT_S)
+        return trio.current_time()
+
+    assert await calls.patiently(slow) >= 2 * CLIENT_CONTACT_S
