@@ -14,14 +14,17 @@ from scenefold.world.log_view import LogView
 from scenefold.world.profile import ClusterProfile
 
 CONTACTS_MAX = 16
-"""Nodes besides the founders: with more of them away at once, it is this computer that has no network, and who waits shall hear that soon."""
+"""Nodes besides the founders: with more of them away at once, it is this computer that has no network. More of them only if all are seeds."""
 
 
 def contacts(profile: ClusterProfile, view: LogView) -> list[tuple[NodeId, str]]:
-    """Who may be there besides the founders: those that the log has now, trusted ones first, then the profile's seeds and spares."""
-    hints = [node_id_of(seed) for seed in profile.seeds]
-    others = dict.fromkeys([*trusted_first(view), *hints, *(member.node_id for member in profile.members)])
-    return [(node, address_of(node)) for node in others if node not in profile.founders][:CONTACTS_MAX]
+    """Who may be there besides the founders: the profile's seeds, all that somebody named, then those that the log has now, trusted ones first,
+    and spares."""
+    seeds = dict.fromkeys(node_id_of(seed) for seed in profile.seeds)
+    named = [node for node in seeds if node not in profile.founders]
+    known = dict.fromkeys([*trusted_first(view), *(member.node_id for member in profile.members)])
+    others = [node for node in known if node not in seeds and node not in profile.founders]
+    return [(node, address_of(node)) for node in [*named, *others][: max(CONTACTS_MAX, len(named))]]
 
 
 def trusted_first(view: LogView) -> list[NodeId]:

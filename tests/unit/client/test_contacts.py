@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,15 @@ def test_who_joined_is_asked_as_well_and_who_is_trusted_first(profile: ClusterPr
     view = view_of(*joined(3), trusted(3))
     assert contacts(profile, view) == [(node(number), address_of(node(number))) for number in (3, 1, 2)]
     assert named_in_a_token(profile, view) == [node(0), node(3), node(1)]
+
+
+@pytest.mark.parametrize("count", [1, 3, CONTACTS_MAX + 2])
+def test_who_was_named_as_a_seed_is_asked_however_many_others_there_are(profile: ClusterProfile, count: int) -> None:
+    """For that is what somebody does to whom nobody answers."""
+    seeds = [node(100 + number) for number in range(count)]
+    profile = replace(profile, seeds=(FIRST, *map(address_of, seeds)))
+    found = [one for one, _ in contacts(profile, view_of(*joined(CONTACTS_MAX + 9)))]
+    assert found[:count] == seeds and len(found) == max(CONTACTS_MAX, count)
 
 
 def test_who_was_removed_or_whose_key_was_revoked_is_not_asked(profile: ClusterProfile) -> None:
