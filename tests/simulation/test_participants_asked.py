@@ -10,11 +10,13 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Promise, Propose
+from scenefold.consensus import Outcome, Promise, Propose
 from scenefold.consensus.facts import signed
 from scenefold.consensus.packets import packet_of
+from scenefold.peer.logs import Answer
 from scenefold.peer.logs.intake import STRANGERS_BURST
-from scenefold.peer.scene_log.proposing import ANSWER_S, ASK_S, LOOKS_BURST
+from scenefold.peer.scene_log.proposing import ANSWER_S, ASK_S, ASK_S_MIN, BEHIND_S, LOOKS_BURST, RELAY_EACH_S
+from scenefold.peer.scene_log.turns import TURN_S_MAX
 from scenefold.scene.log import check_decided, opened_value, value_of
 from scenefold.store.layout import LOGS
 from scenefold.store.log_rows import unpack_votes, votes_key
@@ -172,6 +174,58 @@ def test_whoever_asks_has_an_answer_in_time_however_silent_the_others_are(slot: 
         assert {reason for reason, _ in said} <= {RejectReason.NO_MAJORITY, RejectReason.NOT_READY}
 
     assembled(3, main)
+
+
+def test_the_time_for_an_answer_counts_from_the_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Opening the log, and waiting for one's turn, are a part of it."""
+
+    async def main(them: Assembly) -> None:
+        await them.create(0, 1, 2)
+        await them.commits(0)
+        await them.everybody_at(2, 0, 1, 2)
+        offered, one = them.following(await them.read(1), them.grant()), them.of(1).participation.of(them.scene)
+        assert one is not None
+        them.cluster.net.partition([them.node(1).address], [them.node(other).address for other in (0, 2)])
+
+        async def at_the_last_moment(request: bytes) -> bool:
+            await trio.sleep(TURN_S_MAX)
+            return True
+
+        async def opens() -> None:
+            await trio.sleep(BEHIND_S - 0.1)
+            one.opened.set()
+
+        monkeypatch.setattr(one, "opened", trio.Event())
+        them.nursery.start_soon(opens)
+        monkeypatch.setattr(one.turns, "comes", at_the_last_moment)
+        began = trio.current_time()
+        assert rejected(await them.offer(1, offered)) in (RejectReason.NO_MAJORITY, RejectReason.NOT_READY)
+        assert BEHIND_S + TURN_S_MAX < trio.current_time() - began < ANSWER_S + 0.1
+
+    assembled(3, main)
+
+
+def test_a_relay_waits_as_long_as_a_participant_may_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And tells its answer, not that nobody knows."""
+
+    async def main(them: Assembly) -> None:
+        await them.create(1, 2, 3)
+        await them.until(lambda: them.position(0) == 1)
+        offered = them.following(await them.read(1), them.grant())
+
+        async def slow(*_: object, **__: object) -> Answer:
+            await trio.sleep(ANSWER_S + ASK_S_MIN)
+            return Answer(Outcome.REJECTED, 2, RejectReason.NO_MAJORITY)
+
+        for slot in (1, 2, 3):
+            one = them.of(slot).participation.of(them.scene)
+            assert one is not None
+            monkeypatch.setattr(one.log, "ask", slow)
+        began = trio.current_time()
+        assert rejected(await them.offer(0, offered)) is RejectReason.NO_MAJORITY
+        assert trio.current_time() - began < RELAY_EACH_S
+
+    assembled(4, main)
 
 
 def test_people_are_told_who_decided_and_when() -> None:

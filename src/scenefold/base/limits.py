@@ -273,8 +273,8 @@ CLIENT_TRIES_MAX = 4
 """Tries of one call; with the pauses between them a restarting node is waited for about two seconds."""
 CLIENT_LOG_TRIES_MAX = 12
 """Tries to change a scene's log while others change it, too: each try loses against one of them at most."""
-CLIENT_DECIDE_S = 10.0
-"""Seconds that a node may take over a proposal that participants decide: it tries for a part of them, and then says why it could not."""
+CLIENT_DECIDE_S = 13.0
+"""Seconds that a node may take over a proposal that participants decide: it tries for a part of them, or asks others, and then says why it could not."""
 CLIENT_DECIDE_NEXT_S = 3.0
 """Seconds of silence of one participant after which the next one is asked as well: two that propose at once hold each other up."""
 CLIENT_AUTHOR_S = 30.0

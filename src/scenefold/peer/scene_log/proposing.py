@@ -13,17 +13,20 @@ import trio
 
 from scenefold.base.errors import DamagedData, NotReached, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
+from scenefold.base.limits import CLIENT_DECIDE_S
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Judge, Outcome, Value
 from scenefold.crypto import HEADER_DOMAIN
 from scenefold.peer.handlers import node_of
 from scenefold.peer.logs import Answer
+from scenefold.peer.modes.consent import CONSENT_S_MAX, CONSENT_TRIES
 from scenefold.peer.peers import Peers
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.participation import Participation
 from scenefold.peer.scene_log.proposals import accepted, rejection
 from scenefold.peer.scene_log.scene_judge import SceneJudge
 from scenefold.peer.scene_log.scene_run import SceneRun
+from scenefold.peer.scene_log.turns import TURN_S_MAX
 from scenefold.scene.log import value_of
 from scenefold.wire import Packet, ProposeSceneLog, RejectSceneProposal, SceneLogPublic
 from scenefold.world import Priority, QuietLog, World
@@ -32,19 +35,22 @@ from scenefold.world.buckets import Buckets
 ASK_S = 6.0
 """For the participants to decide: a person waits."""
 ANSWER_S = 8.0
-"""For all that comes before that, too: to learn what it lacks, to come in line, to ask observers. Relays and clients wait for one participant that long."""
+"""For all that comes before that, too: to open the log, to learn what it lacks, to come in line, to ask observers."""
 ASK_S_MIN = 1.0
-"""What is left in any case."""
+"""What is left in any case: so ANSWER_S + ASK_S_MIN is the longest that a participant takes."""
 BEHIND_S = 2.0
-"""For a participant to learn what the author knew already."""
+"""For a participant to open the log, and to learn what the author knew already."""
+assert BEHIND_S + TURN_S_MAX + CONSENT_TRIES * CONSENT_S_MAX <= ANSWER_S
 LATE_MAX = 16
 """Whose change follows a header so old, or an older one, has not tried lately: it is told so at once."""
 LOOKS_BURST = 16
 LOOKS_PER_S = 1.0
 """Barriers of one peer: each makes all participants write."""
-RELAY_S_MAX = 10.0
-RELAY_EACH_S = 8.0
-"""For one participant to answer: longer than it asks the others for."""
+RELAY_EACH_S = 10.0
+"""For one participant to answer: longer than it may take, for an answer that comes just after that is one that nobody knows."""
+RELAY_S_MAX = 12.0
+"""For all of them: clients wait longer for a relay."""
+assert ANSWER_S + ASK_S_MIN < RELAY_EACH_S < RELAY_S_MAX < CLIENT_DECIDE_S
 
 _NOT_LOOKED_AT = frozenset({RejectReason.NOT_AUTHORISED, RejectReason.BUSY, RejectReason.KEY_REVOKED})
 """Faults that say so."""
@@ -65,14 +71,14 @@ class Proposing:
 
     async def answer(self, packet: ProposeSceneLog, known: KnownScene, peer: str) -> Packet:
         """What becomes of a proposal for a scene that has participants."""
-        one = self._participation.of(packet.public.scene)
+        one, began = self._participation.of(packet.public.scene), self._world.clock.now()
         if one is not None:
             # It may have become a participant a moment ago.
             with trio.move_on_after(BEHIND_S):
                 await one.opened.wait()
         if one is not None and one.takes_part:
             try:
-                return await self._decided(one, packet, peer)
+                return await self._decided(one, packet, peer, began)
             except Refused as refusal:
                 self._quiet.say(self._world.clock.now(), peer, refusal.reason.name, f"a scene proposal is refused: {refusal}")
                 return rejection(refusal.reason, self._me)
@@ -82,22 +88,22 @@ class Proposing:
             return rejection(RejectReason.NOT_AUTHORISED, self._me)
         if node_of(peer) is not None:
             return rejection(RejectReason.NOT_MY_LOCATION, order[0])
-        return await self._relayed(packet, order)
+        return await self._relayed(packet, order, began + RELAY_S_MAX)
 
     # ------------------------------------------------------------------------------------------------ participants
 
-    async def _decided(self, one: SceneRun, packet: ProposeSceneLog, peer: str) -> Packet:
-        public, until = packet.public, self._world.clock.now() + ANSWER_S
+    async def _decided(self, one: SceneRun, packet: ProposeSceneLog, peer: str, began: float) -> Packet:
+        public, until = packet.public, began + ANSWER_S
         if packet.genesis != public.genesis or public.genesis != one.public.genesis or public.decision is not None:
             raise Refused(RejectReason.ILL_FORMED, "the proposal is for another scene, or decided already")
         needed = public.position - 1 if packet.private else public.position
         if one.public.position < needed:
             one.log.catch_up(one.log.judge.participants.nodes)
-            if not await one.come_to(needed, BEHIND_S):
+            if not await one.come_to(needed, max(0.0, began + BEHIND_S - self._world.clock.now())):
                 what = f"this participant knows the log up to position {one.public.position}"
                 raise Refused(RejectReason.NOT_READY, what, remedy="ask another participant")
         if not packet.private:
-            return await self._looked(one, public, peer)
+            return await self._looked(one, public, peer, until)
         if not await self._has_place(one, public):
             return await self._proposed(one, packet, until)
         comes_back = False
@@ -148,8 +154,7 @@ class Proposing:
 
         try:
             # Whoever seems alive is to agree with a change of the mode, and nobody can have anything against others (specs/26-modes.md, The switch).
-            within_s = max(ASK_S_MIN, min(ASK_S, until - self._world.clock.now()))
-            answer = await one.log.ask(make, within_s, is_for_all=for_all, is_forced=is_forced, needs_consent=is_switch)
+            answer = await one.log.ask(make, self._left_s(until), is_for_all=for_all, is_forced=is_forced, needs_consent=is_switch)
         except Refused:
             if self._is_decided(one, public):
                 return accepted(one.recent[public.position])
@@ -181,13 +186,17 @@ class Proposing:
         recent = one.recent.get(public.position)
         return recent is not None and recent.proposed() == public
 
-    async def _looked(self, one: SceneRun, public: SceneLogPublic, peer: str) -> Packet:
+    def _left_s(self, until: float) -> float:
+        """For the participants, if all of it is to be over by then."""
+        return max(ASK_S_MIN, min(ASK_S, until - self._world.clock.now()))
+
+    async def _looked(self, one: SceneRun, public: SceneLogPublic, peer: str, until: float) -> Packet:
         """A barrier: what may have been begun behind the newest header is brought to its end, and nothing is proposed."""
         if public != one.public.proposed():
             return rejection(RejectReason.POSITION_BEHIND, self._me)
         if not self._looks.take(peer, self._world.clock.now()):
             raise Refused(RejectReason.BUSY, "what became of changes is asked too often", remedy="try again in a while")
-        answer = await one.log.ask(None, ASK_S)
+        answer = await one.log.ask(None, self._left_s(until))
         if public != one.public.proposed():
             return rejection(RejectReason.POSITION_BEHIND, self._me)
         match answer.outcome:
@@ -202,9 +211,9 @@ class Proposing:
 
     # ---------------------------------------------------------------------------------------------------- others
 
-    async def _relayed(self, packet: ProposeSceneLog, order: Sequence[NodeId]) -> Packet:
+    async def _relayed(self, packet: ProposeSceneLog, order: Sequence[NodeId], until: float) -> Packet:
         """The answer of a participant. Once one may have had it decided, no other one's refusal is told as one."""
-        until, is_open = self._world.clock.now() + RELAY_S_MAX, False
+        is_open = False
         reply: Packet = rejection(RejectReason.NOT_READY, self._me)
         for node in order:
             left = min(RELAY_EACH_S, until - self._world.clock.now())
