@@ -228,6 +228,25 @@ def test_a_relay_waits_as_long_as_a_participant_may_take(monkeypatch: pytest.Mon
     assembled(4, main)
 
 
+def test_a_barrier_that_meets_a_higher_ballot_does_not_say_that_no_majority_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody else is at it, who can reach others: it is asked again, and the position is not taken."""
+
+    async def main(them: Assembly) -> None:
+        await them.create(0, 1, 2)
+        read, one = await them.read(1), them.of(1).participation.of(them.scene)
+        assert one is not None
+        by = them.node(2).node_id
+
+        async def overtaken(*_: object, **__: object) -> Answer:
+            return Answer(Outcome.REJECTED, 2, RejectReason.POSITION_TAKEN, by)
+
+        monkeypatch.setattr(one.log, "ask", overtaken)
+        reply = await them.ask(1, ProposeSceneLog(them.genesis, read.public.proposed(), b""))
+        assert isinstance(reply, RejectSceneProposal) and (reply.reason, reply.node) == (RejectReason.BUSY, by)
+
+    assembled(3, main)
+
+
 def test_people_are_told_who_decided_and_when() -> None:
     async def main(them: Assembly) -> None:
         await them.create(0, 1, 2)
