@@ -23,15 +23,16 @@ from scenefold.wire import AcceptSceneProposal, ProposeSceneLog, RejectSceneProp
 from scenefold.world import Priority
 
 _OTHERS_MAY = (
-    RejectReason.NO_MAJORITY,
+    RejectReason.BUSY,
+    RejectReason.NOT_READY,
     RejectReason.PEER_MISSED,
+    RejectReason.NO_MAJORITY,
     RejectReason.NOT_AUTHORISED,
     RejectReason.STORAGE_FULL,
     RejectReason.UNKNOWN_SCENE_OR_SPACE,
-    RejectReason.BUSY,
-    RejectReason.NOT_READY,
 )
-"""What a participant says of itself, and of what it can reach. Of several such answers the first of these is told."""
+"""What a participant says of itself, and of what it can reach. Of several such answers the first of these is told: one that is cut off misses a
+majority that another one may have, which is busy with a ballot of it, or waits for one more beside it."""
 ROUND_MAX = 3
 """Participants that are asked in one round: a majority that is not there is missed by all of them, and each takes its time to say so."""
 

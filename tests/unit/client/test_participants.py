@@ -289,6 +289,29 @@ async def test_who_sees_no_majority_speaks_for_nobody_else(autojump_clock: MockC
     assert await where(hall) == 4.0
 
 
+@pytest.mark.parametrize("reason", [RejectReason.BUSY, RejectReason.NOT_READY])
+async def test_who_is_cut_off_outvoices_nobody_who_may_have_a_majority(
+    autojump_clock: MockClock, tmp_path: Path, reason: RejectReason
+) -> None:
+    """What those say passes, so they are asked again: about a change, and about what became of one."""
+    council = FakeCouncil()
+    scene, hall = await hall_of(council, tmp_path)
+
+    def for_now(address: str, _: ProposeSceneLog) -> Packet:
+        council.answers.pop(address)
+        return rejection(reason, node_id_of(address))
+
+    council.answers = {A: saying(RejectReason.NO_MAJORITY), B: for_now, C: for_now}
+    await hall.translate(STEP)
+    assert (await where(hall), council.newest(scene.id).position) == (1.0, 3)
+    council.answers = {A: saying(RejectReason.NO_MAJORITY), B: for_now, C: for_now}
+    assert (await scene.standing(bytes(16), 9)).document()["outcome"] == "open"
+    council.answers = {A: saying(RejectReason.NO_MAJORITY), B: saying(reason), C: saying(reason)}
+    with pytest.raises(Refused) as refused:
+        await scene.standing(bytes(16), 9)
+    assert refused.value.reason is reason
+
+
 @pytest.mark.parametrize(
     ("reason", "words"),
     [
