@@ -99,10 +99,6 @@ class Dropping(FakeNodes):
         """Nobody's connection is looked at."""
 
 
-def nodes_of(cluster: Cluster) -> set[str]:
-    return {owner.address for owner in cluster.calls.table.owners}
-
-
 @pytest.mark.parametrize("known", [0, 2, CONTACTS_MAX, CONTACTS_MAX + 9])
 @pytest.mark.parametrize("refresh", [True, False])
 async def test_who_has_no_network_is_told_so_soon_however_many_nodes_there_are(
