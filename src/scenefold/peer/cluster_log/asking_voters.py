@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
 
 import trio
 
@@ -33,6 +34,13 @@ ELSEWHERE = frozenset(
 """Why one voter has not had something decided, where another one may."""
 
 
+@dataclass(slots=True)
+class _Doubt:
+    """Of one proposal, over all its rounds: whether a voter that was asked may have put it to the vote. No later refusal of another kind ends that."""
+
+    is_open: bool = False
+
+
 class AskingVoters:
     """Used from the Trio thread only. `decide`: where this node is a voter itself. `learn` pulls the log from a node, up to a position."""
 
@@ -52,10 +60,11 @@ class AskingVoters:
     async def propose(self, entry: LogEntry, request: bytes) -> int:
         """As ClusterLog.propose."""
         last: Unreachable | None = None
+        doubt = _Doubt()
         with trio.move_on_after(PROPOSE_S_MAX):
             while True:
                 try:
-                    return await self._round(entry, request)
+                    return await self._round(entry, request, doubt)
                 except Unreachable as problem:
                     last = problem
                 await self._world.clock.sleep(PROPOSE_RETRY_S)
@@ -70,26 +79,29 @@ class AskingVoters:
         first = [self._me] if self._me in voters else []
         return [*first, *(node for node in self._peers.others() if node in voters)]
 
-    async def _round(self, entry: LogEntry, request: bytes) -> int:
-        """Ask each once. Refused: none of those who were asked has put it to the vote, or it can be none any more. Unreachable: who knows."""
-        is_open, last = False, Unreachable("no voter is known that could be asked")
+    async def _round(self, entry: LogEntry, request: bytes, doubt: _Doubt) -> int:
+        """Ask each once. Refused: none of those who were asked, now or before, has put it to the vote, or it can be none any more. Unreachable: who knows."""
+        last = Unreachable("no voter is known that could be asked")
         refusal: Refused | None = None
         for voter in self._order():
             try:
                 return await self._ask(voter, entry, request)
             except Refused as refused:
-                if self._registry().voting.councils and refused.reason in ELSEWHERE:
+                if not self._registry().voting.councils:
+                    # Who decides alone knows what it has decided.
+                    raise
+                if refused.reason in ELSEWHERE:
                     # What it may have begun, it does not call refused.
-                    is_open = is_open or refused.reason is RejectReason.NOT_READY
+                    doubt.is_open = doubt.is_open or refused.reason is RejectReason.NOT_READY
                     refusal = refused
                     continue
-                if is_open:
+                if doubt.is_open:
                     self._check_other(entry, request)
                     raise Unreachable(f"one voter refuses it, and another one may have it decided: {refused.what}") from refused
                 raise
             except Unreachable as problem:
-                is_open, last = is_open or not isinstance(problem, NotReached), problem
-        if refusal is not None and not is_open:
+                doubt.is_open, last = doubt.is_open or not isinstance(problem, NotReached), problem
+        if refusal is not None and not doubt.is_open:
             raise refusal
         raise last if refusal is None else Unreachable(refusal.what, where=refusal.where) from refusal
 
