@@ -11,6 +11,8 @@ from scenefold.consensus import (
     Message,
     Outcome,
     Propose,
+    Refusal,
+    Rejected,
     Reply,
     Setting,
     Slot,
@@ -23,6 +25,7 @@ from scenefold.consensus import (
     take,
 )
 from scenefold.consensus.ballots import COUNTER_MAX
+from scenefold.consensus.facts import signed
 from scenefold.wire import Ballot, Phase
 from unit.consensus.logs_made import GENESIS, Book, Change, key_of, member, participants
 from unit.consensus.soup import Soup
@@ -263,6 +266,29 @@ def test_without_a_majority_whoever_asks_is_told_so_at_the_deadline(others: str,
     assert (said.outcome, said.reason) == (Outcome.REJECTED, RejectReason.NO_MAJORITY)
     state = world.nodes[A].state
     assert state is not None and state.proposal.stage is Stage.IDLE
+
+
+@pytest.mark.parametrize("reason", [RejectReason.BUSY, RejectReason.MODE_FORBIDS])
+def test_a_barrier_is_not_refused_for_what_one_has_against_a_change(reason: RejectReason) -> None:
+    """It proposes nothing that could be refused for good: as soon as a majority promises, it says what that knows of."""
+    world = World(1, A, B, C)
+    world.crash(C)
+    refused: list[Refusal] = []
+
+    def b_refuses(source: int, target: int, message: Message) -> bool:
+        if target == B and isinstance(message, Propose) and message.proposal.phase is Phase.PREPARE:
+            refused.append(signed(Refusal(message.proposal, reason, message.proposal.ballot, member(B)), GENESIS, key_of(member(B))))
+            world.deliver(B, source, Rejected(GENESIS, message.proposal, message.digest, refused[-1]))
+            return False
+        return True
+
+    world.filter = b_refuses
+    world.ask_again(A, None, within=30.0)
+    world.run(1.0)
+    assert refused and not world.nodes[A].replies
+    world.filter = lambda source, target, message: True
+    world.run(29.0)
+    assert [said.outcome for said in world.nodes[A].replies] == [Outcome.OPEN]
 
 
 def test_a_barrier_that_cannot_bring_to_an_end_what_it_met_does_not_know() -> None:
