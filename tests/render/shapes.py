@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenefold.scene.importers.source import MeshPart, SourceScene, SourceTexture
 from scenefold.scene.payloads.cameras import Camera
-from scenefold.scene.payloads.materials import Material
+from scenefold.scene.payloads.materials import Material, TextureUse
 from scenefold.scene.payloads.punctual import PunctualLight
 
 Mesh = list[MeshPart]
@@ -120,7 +120,7 @@ def room(scale: float = 1.0, camera: Camera | None = None, shift: object = (0.0,
         Material(base_color=(0.63, 0.06, 0.05, 1.0)),
         Material(base_color=(0.14, 0.45, 0.09, 1.0)),
         Material(base_color=(0.3, 0.3, 0.3, 1.0), emissive=(17.0, 12.0, 4.0)),
-        Material(base_color_texture=0, roughness=0.6),
+        Material(base_color_texture=TextureUse(0), roughness=0.6),
         Material(base_color=(0.9, 0.7, 0.3, 1.0), metallic=1.0, roughness=0.25),
         Material(base_color=(0.95, 0.95, 0.95, 1.0), transmission=0.9, roughness=0.05),
     ]

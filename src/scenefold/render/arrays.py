@@ -42,7 +42,60 @@ class MaterialColumn:
     """0 repeat, 1 clamp to edge, 2 mirrored repeat."""
     WRAP_T = 17
     NEAREST = 18
-    WIDTH = 20
+    UNLIT = 19
+    """1: it shows its base colour, whatever the light."""
+    BASE_USE = 20
+    """Like the ten that follow it: index into `texture_uses`, or -1. Which channels count is glTF's rule (TEXTURE_SLOTS)."""
+    METALLIC_ROUGHNESS_USE = 21
+    NORMAL_USE = 22
+    OCCLUSION_USE = 23
+    EMISSIVE_USE = 24
+    TRANSMISSION_USE = 25
+    CLEARCOAT_USE = 26
+    CLEARCOAT_ROUGHNESS_USE = 27
+    CLEARCOAT_NORMAL_USE = 28
+    SPECULAR_USE = 29
+    SPECULAR_COLOR_USE = 30
+    NORMAL_SCALE = 31
+    OCCLUSION_STRENGTH = 32
+    EMISSIVE = 33
+    """3 columns: radiance before the emissive texture, of which EMISSION has the mean in it; rounded to f32."""
+    THICKNESS = 36
+    """0: a thin wall. Else solid, whatever the number."""
+    ATTENUATION_DISTANCE = 37
+    """In the world's unit; inf: the inside is clear."""
+    ATTENUATION_COLOR = 38
+    """3 columns."""
+    CLEARCOAT = 41
+    CLEARCOAT_ROUGHNESS = 42
+    CLEARCOAT_NORMAL_SCALE = 43
+    SPECULAR = 44
+    SPECULAR_COLOR = 45
+    """3 columns; may pass 1."""
+    VERTEX_ALPHA = 48
+    """1: vertex colours may hide something of it, so it is in no light table unless it is opaque."""
+    WIDTH = 50
+
+
+class TextureUseColumn:
+    """Columns of `SceneArrays.texture_uses`, float64[uses, WIDTH]."""
+
+    TEXTURE = 0
+    """Index into `textures`."""
+    WRAP_S = 1
+    """0 repeat, 1 clamp to edge, 2 mirrored repeat."""
+    WRAP_T = 2
+    NEAREST = 3
+    UV_SET = 4
+    """0: `uvs`, 1: `uvs2`."""
+    M00 = 5
+    """u' = M00 u + M01 v + M02, v' = M10 u + M11 v + M12, where u and v are the vertices'."""
+    M01 = 6
+    M02 = 7
+    M10 = 8
+    M11 = 9
+    M12 = 10
+    WIDTH = 11
 
 
 class TextureColumn:
@@ -107,6 +160,8 @@ class SceneArrays(NamedTuple):
     """[emitters], alias table."""
     emitter_alias: U32
     punctual_lights: F64
+    texture_uses: F64
+    """[uses, TextureUseColumn.WIDTH], at least one row."""
 
 
 class JobNumbers(NamedTuple):

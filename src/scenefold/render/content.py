@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from scenefold.base.rays import T_DONE_STEPS
 from scenefold.partition import Partition
-from scenefold.render.arrays import F64, I64, U8, MaterialColumn, SceneArrays, TextureColumn
+from scenefold.render.arrays import F64, I64, U8, SceneArrays, TextureColumn
+from scenefold.render.material_rows import material_rows
 from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
 from scenefold.render.setup_kernels import linear_of_srgb
 from scenefold.scene.payloads.geometry import GeometryAtom
@@ -95,6 +96,7 @@ def scene_arrays(
     matrices = tables.instances.matrices.astype(np.float64)
     texture_rows, texels = _textures(tables, tiles)
     lights = tables.lights
+    materials, uses = material_rows(tables)
     return SceneArrays(
         vertices,
         normals,
@@ -104,7 +106,7 @@ def scene_arrays(
         group_first,
         matrices,
         _normal_matrices(matrices),
-        material_rows(tables).astype(np.float32),
+        materials.astype(np.float32),
         texture_rows,
         texels,
         linear_of_srgb(),
@@ -114,6 +116,7 @@ def scene_arrays(
         np.ascontiguousarray(lights.threshold),
         np.ascontiguousarray(lights.alias),
         punctual_rows(tables),
+        uses,
     )
 
 
@@ -123,28 +126,7 @@ def worn_textures(tables: SceneTables, atoms: Mapping[int, Sequence[GeometryAtom
     for group in atoms.values():
         for atom in group:
             used.update(int(material) for material in np.unique(atom.materials))
-    worn = set()
-    for number in used:
-        material = tables.materials[number]
-        worn.update({material.base_color_texture, material.metallic_roughness_texture})
-    return sorted(texture for texture in worn if texture >= 0)
-
-
-def material_rows(tables: SceneTables) -> F64:
-    """`SceneArrays.materials`. Emission is rounded to f32, as the light table has it."""
-    rows = np.zeros((max(len(tables.materials), 1), MaterialColumn.WIDTH))
-    for row, material in zip(rows, tables.materials, strict=False):
-        row[MaterialColumn.BASE : MaterialColumn.BASE + 4] = material.base_color
-        row[MaterialColumn.METALLIC], row[MaterialColumn.ROUGHNESS] = material.metallic, material.roughness
-        row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] = np.array(material.emissive, np.float32)
-        row[MaterialColumn.TRANSMISSION], row[MaterialColumn.IOR] = material.transmission, material.ior
-        row[MaterialColumn.DOUBLE_SIDED] = float(material.double_sided)
-        row[MaterialColumn.ALPHA_MODE], row[MaterialColumn.ALPHA_CUTOFF] = float(material.alpha_mode), material.alpha_cutoff
-        row[MaterialColumn.BASE_TEXTURE] = material.base_color_texture
-        row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE] = material.metallic_roughness_texture
-        row[MaterialColumn.WRAP_S], row[MaterialColumn.WRAP_T] = float(material.wrap_s), float(material.wrap_t)
-        row[MaterialColumn.NEAREST] = float(material.nearest)
-    return rows
+    return sorted({use.texture for number in used for _, use in tables.materials[number].uses()})
 
 
 def _normal_matrices(matrices: F64) -> F64:

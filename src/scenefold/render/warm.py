@@ -43,7 +43,7 @@ def _curves() -> None:
 def _source() -> object:
     from scenefold.scene.importers.source import MeshPart, SourceScene, SourceTexture
     from scenefold.scene.payloads.cameras import Camera
-    from scenefold.scene.payloads.materials import Material
+    from scenefold.scene.payloads.materials import Material, TextureUse
     from scenefold.scene.payloads.punctual import PunctualLight
 
     steps = np.linspace(-1.0, 1.0, _CUTS + 1)
@@ -66,7 +66,7 @@ def _source() -> object:
         np.array([0, 1, 0, 2, 2]),
         matrices,
         [
-            Material(base_color_texture=0, metallic_roughness_texture=0, double_sided=True),
+            Material(base_color_texture=TextureUse(0), metallic_roughness_texture=TextureUse(0), double_sided=True),
             Material(emissive=(5.0, 5.0, 5.0)),
             Material(base_color=(0.9, 0.8, 0.7, 1.0), transmission=0.8, roughness=0.2),
         ],

@@ -142,7 +142,7 @@ def _check(tables: SceneTables) -> None:
         if len(getattr(tables, name)) != tables.document.counts[name]:
             raise DamagedData(f"the scene document counts {name} wrong")
     for material in tables.materials:
-        if max(material.base_color_texture, material.metallic_roughness_texture) >= len(tables.textures):
+        if any(use.texture >= len(tables.textures) for _, use in material.uses()):
             raise DamagedData(f"the material {material.name!r} names a texture that is not there")
     # Prototype 0, the world itself, is empty where everything is instanced.
     wanted = tables.instances.prototypes

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from scenefold.render.arrays import JobNumbers, LightColumn, MaterialColumn, SceneArrays
+from scenefold.render.arrays import JobNumbers, LightColumn, MaterialColumn, SceneArrays, TextureUseColumn
 from scenefold.render.dice_kernels import SAMPLER_SOBOL
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.setup_kernels import emitter_power, linear_of_srgb
@@ -79,6 +79,7 @@ def lit_scene() -> SceneArrays:
         threshold,
         alias,
         punctual_rows(),
+        np.zeros((1, TextureUseColumn.WIDTH)),
     )
 
 

@@ -7,6 +7,7 @@ import math
 import os
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from scenefold.base.errors import LocalFault
 from scenefold.scene.importers import plan_import, read_scene
-from scenefold.scene.payloads.materials import AlphaMode, Wrap
+from scenefold.scene.payloads.materials import AlphaMode, TextureUse, Wrap
 from unit.scene.gltf_maker import TRIANGLE, Maker, png
 
 
@@ -92,7 +93,7 @@ def test_materials_samplers_and_textures(maker: Maker, tmp_path: Path) -> None:
     maker.add("images", uri="wood.png")
     maker.add("samplers", wrapS=33071, wrapT=33648, magFilter=9728)
     maker.add("textures", source=0, sampler=0)
-    emission = {"KHR_materials_emissive_strength": {"emissiveStrength": 4.0}, "KHR_materials_clearcoat": {}}
+    emission = {"KHR_materials_emissive_strength": {"emissiveStrength": 4.0}, "KHR_materials_sheen": {}}
     maker.add(
         "materials", name="wood", alphaMode="MASK", alphaCutoff=0.25, doubleSided=True, emissiveFactor=[1, 0.5, 0],
         emissiveTexture={"index": 0}, extensions=emission, normalTexture={"index": 0},
@@ -101,13 +102,15 @@ def test_materials_samplers_and_textures(maker: Maker, tmp_path: Path) -> None:
     maker.node(mesh=maker.mesh(material=0, attributes={"TEXCOORD_0": np.zeros((3, 2), "<f4")}))
     scene = read_scene(maker.write(tmp_path))
     wood = scene.materials[0]
-    assert (wood.wrap_s, wood.wrap_t, wood.nearest) == (Wrap.CLAMP, Wrap.MIRROR, True)
+    use = TextureUse(0, 0, Wrap.CLAMP, Wrap.MIRROR, True)
     assert (wood.alpha_mode, wood.alpha_cutoff, wood.double_sided) == (AlphaMode.MASK, 0.25, True)
-    assert wood.metallic == 0.25 and wood.roughness == 1.0 and wood.base_color_texture == 0
-    assert wood.emissive == pytest.approx((2.0, 1.0, 0.0), abs=0.03)
+    assert wood.metallic == 0.25 and wood.roughness == 1.0 and wood.base_color_texture == use
+    assert wood.emissive == (4.0, 2.0, 0.0) and wood.emissive_texture == use
+    assert wood.mean_emissive == pytest.approx((2.0, 1.0, 0.0), abs=0.03)
     assert scene.textures[0].has_alpha and scene.textures[0].srgb
-    assert any("normal maps" in line for line in scene.not_carried)
-    assert any("clearcoat" in line for line in scene.not_carried)
+    # The same image means something else where it is no colour.
+    assert wood.normal_texture == replace(use, texture=1) and not scene.textures[1].srgb
+    assert scene.not_carried == ["material extension KHR_materials_sheen (1)"]
 
 
 def test_cameras_keep_their_names_and_lose_their_scale(maker: Maker, tmp_path: Path) -> None:

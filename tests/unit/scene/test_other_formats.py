@@ -11,7 +11,7 @@ import pytest
 from scenefold.base.errors import LocalFault
 from scenefold.scene.importers import plan_import, read_scene
 from scenefold.scene.importers.polygons import clip_ears
-from scenefold.scene.payloads.materials import AlphaMode
+from scenefold.scene.payloads.materials import AlphaMode, TextureUse
 from unit.scene.gltf_maker import png
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -51,7 +51,7 @@ newmtl lamp\nKe 4 3 2\nKd 0.5 0.5 0.5\nnewmtl pane\nd 0.25\nillum 4\nNi 1.33\nne
     by_name = {scene.materials[part.material].name: part for part in scene.meshes[0]}
     assert set(by_name) == {"old wood", "lamp", "pane", "gauze", "grey"}
     material = {material.name: material for material in scene.materials}
-    assert material["old wood"].base_color_texture == 0 and material["old wood"].base_color[:3] == (1, 1, 1)
+    assert material["old wood"].base_color_texture == TextureUse(0) and material["old wood"].base_color[:3] == (1, 1, 1)
     assert material["old wood"].roughness == pytest.approx(0.02**0.25)
     assert material["lamp"].emissive == (4, 3, 2)
     assert (material["pane"].transmission, material["pane"].ior) == (0.75, 1.33)

@@ -19,27 +19,10 @@ from scenefold.scene.payloads.document import COUNTS, TABLES, SceneDocument, con
 from scenefold.scene.payloads.groups import ATOM_ROW, GROUP_ROW, decode_groups, encode_groups, join_groups, page_bounds
 from scenefold.scene.payloads.instances import INSTANCE_ROW, INSTANCES_OF_A_PAGE, decode_instances, encode_instances
 from scenefold.scene.payloads.light_table import LIGHT_ROW, LIGHTS_OF_A_PAGE, decode_lights, encode_lights
-from scenefold.scene.payloads.materials import AlphaMode, Material, Wrap, decode_materials, encode_materials
+from scenefold.scene.payloads.materials import Material, decode_materials, encode_materials
 from scenefold.scene.payloads.punctual import PunctualLight, decode_punctual, encode_punctual
 from scenefold.scene.payloads.textures import Texture, encode_textures, join_textures
 from scenefold.scene.payloads.tiles import decode_tile, encode_tile
-
-unit = st.floats(0, 1)
-materials = st.builds(
-    Material,
-    name=st.text(max_size=20),
-    base_color=st.tuples(unit, unit, unit, unit),
-    base_color_texture=st.integers(-1, 5),
-    metallic=unit,
-    roughness=unit,
-    emissive=st.tuples(*[st.floats(0, 1e6)] * 3),
-    transmission=unit,
-    ior=st.floats(1, 3),
-    double_sided=st.booleans(),
-    alpha_mode=st.sampled_from(AlphaMode),
-    wrap_s=st.sampled_from(Wrap),
-    nearest=st.booleans(),
-)
 
 
 def group_tables(sizes: list[int]) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
@@ -61,26 +44,6 @@ def document(**changes: object) -> SceneDocument:
         "content": bytes(32), "records": bytes(32), "not_carried": ("normal maps (3)",),
     }  # fmt: skip
     return SceneDocument(**(fields | changes))  # type: ignore[arg-type]
-
-
-@given(st.lists(materials, max_size=8))
-@settings(max_examples=30, deadline=None)
-def test_materials_come_back(given_materials: list[Material]) -> None:
-    decoded = [material for page in encode_materials(given_materials) for material in decode_materials(page)[1]]
-    assert decoded == given_materials
-
-
-def test_many_materials_make_pages_in_order() -> None:
-    many = [Material(name=f"{number} " + "ü" * 200) for number in range(2_000)]
-    pages = encode_materials(many)
-    assert len(pages) > 1 and max(map(len, pages)) <= PAYLOAD_BYTES_MAX
-    firsts = [decode_materials(page)[0] for page in pages]
-    assert firsts == sorted(firsts) and sum(len(decode_materials(page)[1]) for page in pages) == len(many)
-
-
-def test_a_name_without_utf8_is_stored_with_question_marks() -> None:
-    (page,) = encode_materials([Material(name="a\ud800b")])
-    assert decode_materials(page)[1][0].name == "a?b"
 
 
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=300))

@@ -25,7 +25,7 @@ class Emitters:
 
     def __init__(self, materials: Sequence[Material]) -> None:
         self.shines = np.array([material.is_sampled_light for material in materials], bool)
-        self._emission = np.array([material.emissive for material in materials], np.float32).reshape(-1, 3)
+        self._emission = np.array([material.mean_emissive for material in materials], np.float32).reshape(-1, 3)
         self._sides = np.array([material.double_sided for material in materials], np.uint32)
         self._found: dict[int, list[NDArray[np.void]]] = {}
 

@@ -43,7 +43,7 @@ def read_gltf(path: Path) -> SourceScene:
         placed_meshes=np.array([new_number[number] for number in placements.meshes], np.int64),
         placed_matrices=matrices,
         materials=materials.materials,
-        textures=materials.textures.textures,
+        textures=materials.textures.list.textures,
         cameras=placements.cameras,
         punctual=placements.punctual,
         not_carried=left.lines(),

@@ -1,213 +1,207 @@
 """Materials of a glTF: metallic-roughness and the extensions that our material knows; the rest is noted.
 
-Texture coordinates are chosen (texCoord) and transformed (KHR_texture_transform) per mesh, so a material says
-which set and which transform its textures want: `uv_sets`, `uv_transforms`.
+Which sets of coordinates the vertices need for a material, and with which transform, is in `coordinates`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from pathlib import PurePosixPath
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterator
+from typing import Any
 
 from scenefold.base.limits import MATERIALS_MAX
+from scenefold.scene.importers.coordinates import CoordinateSet, settle
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
-from scenefold.scene.importers.images import EncodedImage, TextureList, mean_linear, note_mean
+from scenefold.scene.importers.gltf_textures import GltfTextures
 from scenefold.scene.importers.source import NotCarried
-from scenefold.scene.payloads.materials import AlphaMode, Material, Wrap
+from scenefold.scene.payloads.materials import VALUE_MAX, AlphaMode, Material
 
 CARRIED = frozenset(
     {
-        "KHR_materials_emissive_strength", "KHR_materials_transmission", "KHR_materials_ior",
-        "KHR_materials_pbrSpecularGlossiness",
+        "KHR_materials_emissive_strength", "KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume",
+        "KHR_materials_clearcoat", "KHR_materials_specular", "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness",
     }
 )  # fmt: skip
-_WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
-_NEAREST = 9728
+CLAMPED = "material factors outside their range, moved to its end"
 _ALPHA = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
 _EMISSION_MAX = 1e12
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TextureUse:
-    """How a material's textures read texture coordinates: the set, and uv' = uv @ linear + offset."""
-
-    uv_set: int = 0
-    linear: NDArray[np.float64] | None = None
-    offset: NDArray[np.float64] | None = None
-
-    def apply(self, uvs: NDArray[np.float32]) -> NDArray[np.float32]:
-        if self.linear is None or self.offset is None:
-            return uvs
-        u, v = uvs[:, 0].astype(np.float64), uvs[:, 1].astype(np.float64)
-        moved = [u * self.linear[0, axis] + v * self.linear[1, axis] + self.offset[axis] for axis in (0, 1)]
-        return np.stack(moved, axis=1).astype(np.float32)
-
-    def same_as(self, other: TextureUse) -> bool:
-        mine, theirs = (np.zeros((2, 2)) if use.linear is None else use.linear for use in (self, other))
-        here, there = (np.zeros(2) if use.offset is None else use.offset for use in (self, other))
-        return self.uv_set == other.uv_set and bool((mine == theirs).all() and (here == there).all())
+_IOR_MAX = 100.0
+_SCALE_MAX = 1e6
+_DIELECTRIC_F0 = 0.04
+"""What a surface of index 1.5 reflects at normal incidence."""
+_WHITE = (1.0, 1.0, 1.0)
+Slots = Iterator[tuple[str, JsonMap, bool]]
 
 
 class GltfMaterials:
     """All materials of a file, and a default one at the end for primitives that name none."""
 
     def __init__(self, file: GltfFile, left: NotCarried) -> None:
-        self._file = file
         self._left = left
-        self._images = file.json.maps("images")
-        self._samplers = file.json.maps("samplers")
-        self._texture_entries = file.json.maps("textures")
-        self.textures = TextureList()
+        self.textures = GltfTextures(file, left)
         self.materials: list[Material] = []
-        self.uses: list[TextureUse] = []
+        self.coordinates: list[tuple[CoordinateSet, ...]] = []
         entries = file.json.maps("materials")
         if len(entries) >= MATERIALS_MAX:
             raise file.json.fault(f"has {len(entries)} entries, more than {MATERIALS_MAX - 1}", "materials")
         for number, entry in enumerate(entries):
             self._read(number, entry)
         self.materials.append(Material(name="default", metallic=0.0, roughness=1.0, base_color=(0.8, 0.8, 0.8, 1.0)))
-        self.uses.append(TextureUse())
+        self.coordinates.append(())
 
     @property
     def default(self) -> int:
         return len(self.materials) - 1
 
     def _read(self, number: int, entry: JsonMap) -> None:
-        pbr = entry.inner("pbrMetallicRoughness")
-        base_entry, rough_entry = pbr.inner("baseColorTexture"), pbr.inner("metallicRoughnessTexture")
-        base_texture, base_use = self._texture(base_entry, srgb=True)
-        rough_texture, rough_use = self._texture(rough_entry, srgb=False)
-        if base_texture >= 0 and rough_texture >= 0 and not base_use.same_as(rough_use):
-            self._left.note("metallic-roughness textures with coordinates of their own")
-            rough_texture = -1
-        base = pbr.numbers("baseColorFactor", (1.0, 1.0, 1.0, 1.0))
-        metallic, roughness = pbr.unit("metallicFactor", 1.0), pbr.unit("roughnessFactor", 1.0)
+        found = self._core(entry) | self._light_through(entry) | self._coat(entry) | self._reflection(entry)
+        slots = [*self._core_slots(entry), *self._extension_slots(entry)]
         glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
         if glossy is not None and not entry.has("pbrMetallicRoughness"):
-            self._left.note("specular-glossiness materials, approximated")
-            base_texture, base_use = self._texture(glossy.inner("diffuseTexture"), srgb=True)
-            base = glossy.numbers("diffuseFactor", (1.0, 1.0, 1.0, 1.0))
-            metallic, roughness = 0.0, 1.0 - glossy.unit("glossinessFactor", 1.0)
-        wraps = self._wraps(base_entry if base_texture >= 0 else rough_entry)
-        mode = entry.text("alphaMode", "OPAQUE")
-        if mode not in _ALPHA:
-            raise entry.fault(f"is the unknown {mode!r}", "alphaMode")
-        red, green, blue, alpha = (min(max(value, 0.0), 1.0) for value in base)
-        self.materials.append(
-            Material(
-                name=entry.text("name", f"material {number}"),
-                base_color=(red, green, blue, alpha),
-                base_color_texture=base_texture,
-                metallic=metallic,
-                roughness=roughness,
-                metallic_roughness_texture=rough_texture,
-                emissive=self._emission(entry),
-                transmission=self._transmission(entry),
-                ior=self._ior(entry),
-                double_sided=entry.flag("doubleSided"),
-                alpha_mode=_ALPHA[mode],
-                alpha_cutoff=max(entry.number("alphaCutoff", 0.5), 0.0),
-                wrap_s=wraps[0],
-                wrap_t=wraps[1],
-                nearest=wraps[2],
-            )
-        )
-        self.uses.append(base_use if base_texture >= 0 else rough_use)
-        self._note_rest(entry)
-
-    def _emission(self, entry: JsonMap) -> tuple[float, float, float]:
-        factor = entry.numbers("emissiveFactor", (0.0, 0.0, 0.0))
-        strength_entry = entry.extension("KHR_materials_emissive_strength")
-        strength = strength_entry.number("emissiveStrength", 1.0) if strength_entry else 1.0
-        if strength < 0 or min(factor) < 0 or strength * max(factor) > _EMISSION_MAX:
-            raise entry.fault("has an emission that is negative or beyond measure")
-        mean = (1.0, 1.0, 1.0)
-        if entry.has("emissiveTexture") and strength * max(factor) > 0:
-            image = self._image(entry.inner("emissiveTexture"))
-            if image is not None:
-                mean = mean_linear(image[1].pixels())
-                note_mean(self._left)
-        red, green, blue = (float(value * strength * part) for value, part in zip(factor, mean, strict=True))
-        return red, green, blue
-
-    def _transmission(self, entry: JsonMap) -> float:
-        extension = entry.extension("KHR_materials_transmission")
-        if extension is None:
-            return 0.0
-        self._left.note("transmission textures", int(extension.has("transmissionTexture")))
-        return extension.unit("transmissionFactor", 0.0)
-
-    def _ior(self, entry: JsonMap) -> float:
-        extension = entry.extension("KHR_materials_ior")
-        # 0 is the extension's way to say "reflects everything", which our material cannot.
-        ior = extension.number("ior", 1.5) if extension else 1.5
-        return min(max(ior, 1.0), 100.0) if ior else 1.5
-
-    def _note_rest(self, entry: JsonMap) -> None:
-        self._left.note("normal maps", int(entry.has("normalTexture")))
-        self._left.note("occlusion maps", int(entry.has("occlusionTexture")))
+            found |= self._glossy(glossy)
+            slots = [*(slot for slot in slots if slot[0] != "specular_color"), *self._glossy_slots(glossy)]
+        readings = {}
+        for slot, info, srgb in slots:
+            reading = self.textures.reading(info, srgb=srgb)
+            if reading is not None:
+                readings[slot] = reading
+        if "emissive" in readings:
+            found["emissive_mean"] = self.textures.mean(readings["emissive"].texture)
+        sets, uses = settle(readings)
+        self._left.note("textures that read a third set of coordinates", len(readings) - len(uses))
+        found |= {f"{slot}_texture": use for slot, use in uses.items()}
+        self.materials.append(Material(name=entry.text("name", f"material {number}"), **found))
+        self.coordinates.append(sets)
         for name in entry.inner("extensions").keys():  # noqa: SIM118, a JsonMap is no dict
             if name not in CARRIED:
                 self._left.note(f"material extension {name}")
 
-    def _texture(self, info: JsonMap, *, srgb: bool) -> tuple[int, TextureUse]:
-        """The number of the texture that `info` names (-1: none), and how it reads coordinates."""
-        image = self._image(info)
-        if image is None:
-            return -1, TextureUse()
-        uv_set = info.integer("texCoord", 0, 16, default=0)
-        transform = info.extension("KHR_texture_transform")
-        number = self.textures.add(image[0], image[1], srgb=srgb)
-        if transform is None:
-            return number, TextureUse(uv_set)
-        uv_set = transform.integer("texCoord", 0, 16, default=uv_set)
-        offset = np.array(transform.numbers("offset", (0.0, 0.0)))
-        scale_u, scale_v = transform.numbers("scale", (1.0, 1.0))
-        angle = transform.number("rotation", 0.0)
-        cosine, sine = math.cos(angle), math.sin(angle)
-        # Rows are where u and v go; glTF turns counter-clockwise with v downwards.
-        linear = np.array([[cosine * scale_u, -sine * scale_u], [sine * scale_v, cosine * scale_v]])
-        return number, TextureUse(uv_set, linear, offset)
+    # --- factors
 
-    def _entry(self, info: JsonMap) -> JsonMap | None:
-        number = info.index("index", len(self._texture_entries), "texture")
-        return self._texture_entries[number] if number >= 0 else None
+    def _core(self, entry: JsonMap) -> dict[str, Any]:
+        pbr = entry.inner("pbrMetallicRoughness")
+        mode = entry.text("alphaMode", "OPAQUE")
+        if mode not in _ALPHA:
+            raise entry.fault(f"is the unknown {mode!r}", "alphaMode")
+        return {
+            "base_color": self._colour(pbr, "baseColorFactor", (1.0, 1.0, 1.0, 1.0)),
+            "metallic": self._unit(pbr, "metallicFactor", 1.0),
+            "roughness": self._unit(pbr, "roughnessFactor", 1.0),
+            "normal_scale": self._within(entry.inner("normalTexture"), "scale", 1.0, -_SCALE_MAX, _SCALE_MAX),
+            "occlusion_strength": self._unit(entry.inner("occlusionTexture"), "strength", 1.0),
+            "emissive": self._emission(entry),
+            "unlit": entry.extension("KHR_materials_unlit") is not None,
+            "double_sided": entry.flag("doubleSided"),
+            "alpha_mode": _ALPHA[mode],
+            "alpha_cutoff": self._within(entry, "alphaCutoff", 0.5, 0.0, VALUE_MAX),
+        }
 
-    def _image(self, info: JsonMap) -> tuple[int, EncodedImage] | None:
-        entry = self._entry(info)
-        if entry is None:
-            return None
-        webp = entry.extension("EXT_texture_webp")
-        number = (webp or entry).index("source", len(self._images), "image")
-        if number < 0:
-            self._left.note("textures without a source that can be read")
-            return None
-        image = self._images[number]
-        if image.has("uri"):
-            uri = image.text("uri")
-            name = image.text("name", "image" if uri.startswith("data:") else PurePosixPath(uri).name)
-            content = bytes(self._file.resource(image, "the texture"))
-        else:
-            view = image.index("bufferView", self._file.views, "buffer view")
-            if view < 0:
-                raise image.fault("has neither a uri nor a buffer view")
-            name = image.text("name", f"image {number}")
-            content = bytes(self._file.view(view)[0])
-        return number, EncodedImage(self._file.path, f"the texture {name!r}", name, content)
+    def _emission(self, entry: JsonMap) -> tuple[float, ...]:
+        factor = entry.numbers("emissiveFactor", (0.0, 0.0, 0.0))
+        extension = entry.extension("KHR_materials_emissive_strength")
+        strength = extension.number("emissiveStrength", 1.0) if extension else 1.0
+        if strength < 0 or min(factor) < 0 or strength * max(factor) > _EMISSION_MAX:
+            raise entry.fault("has an emission that is negative or beyond measure")
+        return tuple(float(value * strength) for value in factor)
 
-    def _wraps(self, info: JsonMap) -> tuple[Wrap, Wrap, bool]:
-        entry = self._entry(info)
-        number = entry.index("sampler", len(self._samplers), "sampler") if entry else -1
-        if number < 0:
-            return Wrap.REPEAT, Wrap.REPEAT, False
-        sampler = self._samplers[number]
-        modes = [sampler.integer(key, default=10497) for key in ("wrapS", "wrapT")]
-        for key, mode in zip(("wrapS", "wrapT"), modes, strict=True):
-            if mode not in _WRAPS:
-                raise sampler.fault(f"is the unknown {mode}", key)
-        return _WRAPS[modes[0]], _WRAPS[modes[1]], sampler.integer("magFilter", default=9729) == _NEAREST
+    def _light_through(self, entry: JsonMap) -> dict[str, Any]:
+        """Transmission, index of refraction and volume."""
+        found: dict[str, Any] = {}
+        transmission = entry.extension("KHR_materials_transmission")
+        if transmission is not None:
+            found["transmission"] = self._unit(transmission, "transmissionFactor", 0.0)
+        index = entry.extension("KHR_materials_ior")
+        if index is not None and index.number("ior", 1.5) == 0.0:
+            # The extension's way to say that everything is reflected.
+            self._left.note("indices of refraction of 0, taken for 1.5")
+        elif index is not None:
+            found["ior"] = self._within(index, "ior", 1.5, 1.0, _IOR_MAX)
+        volume = entry.extension("KHR_materials_volume")
+        if volume is not None:
+            self._left.note("thickness textures", int(volume.has("thicknessTexture")))
+            found["thickness"] = self._within(volume, "thicknessFactor", 0.0, 0.0, VALUE_MAX)
+            found["attenuation_color"] = self._colour(volume, "attenuationColor", _WHITE)
+            if volume.has("attenuationDistance"):
+                distance = volume.number("attenuationDistance")
+                self._left.note("attenuation distances that are none", int(distance <= 0))
+                found["attenuation_distance"] = min(max(distance, 1e-12), VALUE_MAX) if distance > 0 else math.inf
+        return found
+
+    def _coat(self, entry: JsonMap) -> dict[str, Any]:
+        coat = entry.extension("KHR_materials_clearcoat")
+        if coat is None:
+            return {}
+        return {
+            "clearcoat": self._unit(coat, "clearcoatFactor", 0.0),
+            "clearcoat_roughness": self._unit(coat, "clearcoatRoughnessFactor", 0.0),
+            "clearcoat_normal_scale": self._within(coat.inner("clearcoatNormalTexture"), "scale", 1.0, -_SCALE_MAX, _SCALE_MAX),
+        }
+
+    def _reflection(self, entry: JsonMap) -> dict[str, Any]:
+        extension = entry.extension("KHR_materials_specular")
+        if extension is None:
+            return {}
+        return {
+            "specular": self._unit(extension, "specularFactor", 1.0),
+            "specular_color": self._colour(extension, "specularColorFactor", _WHITE, VALUE_MAX),
+        }
+
+    def _glossy(self, glossy: JsonMap) -> dict[str, Any]:
+        """A reflection of its own colour becomes what tints that of a dielectric."""
+        self._left.note("specular-glossiness materials, approximated")
+        self._left.note("glossiness textures", int(glossy.has("specularGlossinessTexture")))
+        specular = self._colour(glossy, "specularFactor", _WHITE)
+        return {
+            "base_color": self._colour(glossy, "diffuseFactor", (1.0, 1.0, 1.0, 1.0)),
+            "metallic": 0.0,
+            "roughness": 1.0 - self._unit(glossy, "glossinessFactor", 1.0),
+            "specular_color": tuple(value / _DIELECTRIC_F0 for value in specular),
+        }
+
+    # --- textures
+
+    def _core_slots(self, entry: JsonMap) -> Slots:
+        pbr = entry.inner("pbrMetallicRoughness")
+        yield "base_color", pbr.inner("baseColorTexture"), True
+        yield "metallic_roughness", pbr.inner("metallicRoughnessTexture"), False
+        yield "normal", entry.inner("normalTexture"), False
+        yield "occlusion", entry.inner("occlusionTexture"), False
+        # Of what a factor of 0 leaves nothing of, no image need be kept.
+        if max(entry.numbers("emissiveFactor", (0.0, 0.0, 0.0))) > 0:
+            yield "emissive", entry.inner("emissiveTexture"), True
+
+    def _extension_slots(self, entry: JsonMap) -> Slots:
+        """In these, 0 is the factor's default."""
+        transmission = entry.extension("KHR_materials_transmission")
+        if transmission is not None and transmission.number("transmissionFactor", 0.0) > 0:
+            yield "transmission", transmission.inner("transmissionTexture"), False
+        coat = entry.extension("KHR_materials_clearcoat")
+        if coat is not None and coat.number("clearcoatFactor", 0.0) > 0:
+            yield "clearcoat", coat.inner("clearcoatTexture"), False
+            yield "clearcoat_roughness", coat.inner("clearcoatRoughnessTexture"), False
+            yield "clearcoat_normal", coat.inner("clearcoatNormalTexture"), False
+        specular = entry.extension("KHR_materials_specular")
+        if specular is not None:
+            # Its alpha, which no coding of colours changes: one image often serves both.
+            yield "specular", specular.inner("specularTexture"), True
+            yield "specular_color", specular.inner("specularColorTexture"), True
+
+    def _glossy_slots(self, glossy: JsonMap) -> Slots:
+        yield "base_color", glossy.inner("diffuseTexture"), True
+        yield "specular_color", glossy.inner("specularGlossinessTexture"), True
+
+    # --- numbers that files get wrong
+
+    def _unit(self, entry: JsonMap, key: str, default: float) -> float:
+        return self._within(entry, key, default, 0.0, 1.0)
+
+    def _within(self, entry: JsonMap, key: str, default: float, low: float, high: float) -> float:
+        value = entry.number(key, default)
+        self._left.note(CLAMPED, int(not low <= value <= high))
+        return min(max(value, low), high)
+
+    def _colour(self, entry: JsonMap, key: str, default: tuple[float, ...], high: float = 1.0) -> tuple[float, ...]:
+        values = entry.numbers(key, default)
+        self._left.note(CLAMPED, int(min(values) < 0.0 or max(values) > high))
+        return tuple(min(max(value, 0.0), high) for value in values)

@@ -90,14 +90,14 @@ class GltfMeshes:
 
     def _uvs(self, attributes: JsonMap, material: int, vertices: int) -> NDArray[np.float32] | None:
         # Coordinates that no texture reads would only make atoms larger.
-        if not self._materials.materials[material].textured:
+        sets = self._materials.coordinates[material]
+        if not sets:
             return None
-        use = self._materials.uses[material]
-        uvs = self._attribute(attributes, f"TEXCOORD_{use.uv_set}", "VEC2", vertices)
+        uvs = self._attribute(attributes, f"TEXCOORD_{sets[0].number}", "VEC2", vertices)
         if uvs is None:
             self._left.note("textures on meshes without texture coordinates")
             return None
-        return use.apply(uvs)
+        return sets[0].apply(uvs)
 
     def _note_rest(self, primitive: JsonMap, attributes: JsonMap) -> None:
         self._left.note("vertex colours", int(attributes.has("COLOR_0")))

@@ -17,7 +17,7 @@ from PIL import Image
 from scenefold.base.errors import LocalFault
 from scenefold.base.limits import TEXTURE_PIXELS_MAX, TEXTURE_SIDE_MAX
 from scenefold.scene.importers.faults import bad_file
-from scenefold.scene.importers.source import NotCarried, Pixels, SourceTexture
+from scenefold.scene.importers.source import Pixels, SourceTexture
 
 _FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 _SRGB_KNEE = 0.04045
@@ -69,7 +69,7 @@ def mean_linear(pixels: Pixels) -> tuple[float, float, float]:
     means = []
     for channel in range(3):
         counts = np.bincount(pixels[..., channel].ravel(), minlength=256)
-        means.append(float((counts * table).sum() / counts.sum()))
+        means.append(min(float((counts * table).sum() / counts.sum()), 1.0))
     return means[0], means[1], means[2]
 
 
@@ -79,6 +79,7 @@ class TextureList:
     def __init__(self) -> None:
         self.textures: list[SourceTexture] = []
         self._numbers: dict[tuple[object, bool], int] = {}
+        self._means: dict[int, tuple[float, float, float]] = {}
 
     def add(self, key: object, image: EncodedImage, *, srgb: bool) -> int:
         """The number of the texture of this image; `key` tells images apart."""
@@ -93,7 +94,8 @@ class TextureList:
         self._numbers[key, srgb] = len(self.textures) - 1
         return len(self.textures) - 1
 
-
-def note_mean(left: NotCarried, count: int = 1) -> None:
-    """Says that an emissive texture became its mean."""
-    left.note("emissive textures, replaced by their mean colour", count)
+    def mean(self, number: int) -> tuple[float, float, float]:
+        """The mean colour of a texture whose colours are sRGB, in linear light."""
+        if number not in self._means:
+            self._means[number] = mean_linear(self.textures[number].pixels())
+        return self._means[number]

@@ -14,7 +14,7 @@ from scenefold.base.limits import MATERIALS_MAX
 from scenefold.scene.importers.faults import bad_file, beside, readable_size
 from scenefold.scene.importers.images import EncodedImage, TextureList
 from scenefold.scene.importers.source import NotCarried
-from scenefold.scene.payloads.materials import AlphaMode, Material
+from scenefold.scene.payloads.materials import AlphaMode, Material, TextureUse
 
 _BYTES_MAX = 64 * 1024 * 1024
 _REFRACTING = {4, 6, 7, 9}
@@ -64,7 +64,7 @@ class _Section:
             # A texture replaces the colour: files leave Kd at black or grey beside it.
             base_color=(1.0, 1.0, 1.0, 1.0 if refracts else opacity) if texture >= 0
             else (_unit(red), _unit(green), _unit(blue), 1.0 if refracts else opacity),
-            base_color_texture=texture,
+            base_color_texture=TextureUse(texture) if texture >= 0 else None,
             metallic=_unit(self._number("pm", 0.0)),
             roughness=_unit(self._number("pr", math.sqrt(alpha))),
             emissive=(emission[0], emission[1], emission[2]),

@@ -37,6 +37,7 @@ from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, TEXTURES, 
 from scenefold.scene.payloads.document import NOT_CARRIED_MAX, TABLES, SceneDocument, content_hash, encode_document
 from scenefold.scene.payloads.groups import ATOM_ROW, GROUP_ROW
 from scenefold.scene.payloads.light_table import LIGHTS_OF_A_PAGE
+from scenefold.scene.payloads.materials import encode_materials
 
 Progress = Callable[[str, int, int], None]
 """Called with a phase's name ("geometry", "textures", "tables"), and how much of how much is done."""
@@ -147,7 +148,7 @@ class ImportPlan:
             )
         # Generous: atoms of 350 triangles, pages half full, long names.
         pages = lights // LIGHTS_OF_A_PAGE + len(self._instances) // 1_000 + self.triangles // 350 // 600
-        pages += len(self._runs) // 600 + len(self._source.materials) // 20 + self._tiles() // 1_000 + 16
+        pages += len(self._runs) // 600 + len(encode_materials(self._source.materials)) + self._tiles() // 1_000 + 16
         pages += (len(self._source.textures) + len(self._cameras) + len(self._source.punctual)) // 20
         if pages > TABLE_PAGES_MAX:
             raise LocalFault(f"{self._source.name} is too large for one scene", remedy="split it into several scenes")

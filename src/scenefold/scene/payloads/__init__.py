@@ -6,7 +6,7 @@ from scenefold.scene.payloads.geometry import GeometryAtom, decode_atom
 from scenefold.scene.payloads.groups import GroupTable, decode_groups
 from scenefold.scene.payloads.instances import InstanceTable, decode_instances
 from scenefold.scene.payloads.light_table import LightTable, decode_lights
-from scenefold.scene.payloads.materials import AlphaMode, Material, Wrap, decode_materials
+from scenefold.scene.payloads.materials import AlphaMode, Material, TextureUse, Wrap, decode_materials
 from scenefold.scene.payloads.punctual import PunctualLight, decode_punctual
 from scenefold.scene.payloads.textures import Texture, join_textures
 from scenefold.scene.payloads.tiles import TextureTile, decode_tile
@@ -23,6 +23,7 @@ __all__ = [
     "SceneDocument",
     "Texture",
     "TextureTile",
+    "TextureUse",
     "Wrap",
     "decode_atom",
     "decode_document",

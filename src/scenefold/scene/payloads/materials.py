@@ -1,23 +1,47 @@
-"""Materials: glTF metallic-roughness with emission, transmission and alpha (specs/05-scene-content.md).
+"""Materials: what glTF and its extensions can say of a surface (specs/05-scene-content.md).
 
-Colours are linear Rec. 709, `emissive` has its strength multiplied in and is radiance. A texture is named by
-its number in the texture table, -1 is none. Wrap modes and `nearest` belong to the material's textures (its
-base-colour texture's sampler decides).
+Colours are linear Rec. 709; `emissive` has its strength multiplied in and is radiance. Where a slot names a texture, what it
+holds is multiplied by the factor beside it. Which of its channels counts is glTF's rule: see TEXTURE_SLOTS.
+
+Version 2 of a page leaves out what has its default; version 1 (materials_v1.py) is read, and no longer written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
 from scenefold.base.limits import MATERIALS_MAX
-from scenefold.scene.payloads.values import Fields, decode_page, encode_pages, shorten
+from scenefold.scene.payloads import materials_v1
+from scenefold.scene.payloads.texture_uses import TextureUse, Wrap, use_of_row
+from scenefold.scene.payloads.values import Fields, decode_versions, encode_pages, shorten
 
-KIND, VERSION = "materials", 1
-_TEXTURES_MAX = 2**31
-_VALUE_MAX = 1e30
+__all__ = ["IOR_MAX", "TEXTURE_SLOTS", "VALUE_MAX", "AlphaMode", "Material", "TextureUse", "Wrap", "decode_materials", "encode_materials"]
+
+KIND, VERSION = "materials", 2
+VALUE_MAX = 1e30
+"""Of radiances, distances and other numbers that have no natural end."""
+IOR_MAX = 1e3
+Colour = tuple[float, float, float]
+_WHITE = (1.0, 1.0, 1.0)
+
+TEXTURE_SLOTS = (
+    "base_color",  # red, green, blue; alpha
+    "metallic_roughness",  # blue: metallic; green: roughness
+    "normal",  # a vector in the tangent space, 0..1 for -1..1
+    "occlusion",  # red
+    "emissive",  # red, green, blue
+    "transmission",  # red
+    "clearcoat",  # red
+    "clearcoat_roughness",  # green
+    "clearcoat_normal",  # as normal
+    "specular",  # alpha
+    "specular_color",  # red, green, blue
+)
+"""The textures that a material may have; the field of `Material` has `_texture` behind the name."""
 
 
 class AlphaMode(IntEnum):
@@ -26,51 +50,104 @@ class AlphaMode(IntEnum):
     BLEND = 2
 
 
-class Wrap(IntEnum):
-    """What lies outside 0 to 1 of texture coordinates."""
-
-    REPEAT = 0
-    CLAMP = 1
-    MIRROR = 2
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
     name: str = ""
     base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    base_color_texture: int = -1
+    base_color_texture: TextureUse | None = None
     metallic: float = 0.0
     roughness: float = 1.0
-    metallic_roughness_texture: int = -1
-    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    metallic_roughness_texture: TextureUse | None = None
+    normal_texture: TextureUse | None = None
+    normal_scale: float = 1.0
+    """Multiplies what a normal map has of x and y."""
+    occlusion_texture: TextureUse | None = None
+    occlusion_strength: float = 1.0
+    emissive: Colour = (0.0, 0.0, 0.0)
+    """Radiance, before the texture."""
+    emissive_texture: TextureUse | None = None
+    emissive_mean: Colour = _WHITE
+    """Of the emissive texture, in linear light: by this it counts in the light table."""
     transmission: float = 0.0
+    transmission_texture: TextureUse | None = None
     ior: float = 1.5
+    thickness: float = 0.0
+    """0: a thin wall, which has no inside. Else what is behind the surface is solid; coordinates of the mesh."""
+    attenuation_distance: float = math.inf
+    """After this way through the inside, in the world's unit, white light has become `attenuation_color`."""
+    attenuation_color: Colour = _WHITE
+    clearcoat: float = 0.0
+    clearcoat_texture: TextureUse | None = None
+    clearcoat_roughness: float = 0.0
+    clearcoat_roughness_texture: TextureUse | None = None
+    clearcoat_normal_texture: TextureUse | None = None
+    clearcoat_normal_scale: float = 1.0
+    specular: float = 1.0
+    specular_texture: TextureUse | None = None
+    specular_color: Colour = _WHITE
+    """Of the reflection at normal incidence; may pass 1."""
+    specular_color_texture: TextureUse | None = None
+    unlit: bool = False
+    """Shows its base colour, whatever the light."""
     double_sided: bool = False
     alpha_mode: AlphaMode = AlphaMode.OPAQUE
     alpha_cutoff: float = 0.5
-    wrap_s: Wrap = Wrap.REPEAT
-    wrap_t: Wrap = Wrap.REPEAT
-    nearest: bool = False
+    vertex_alpha: bool = False
+    """Whether some vertex that wears it has a colour whose alpha is below 1, and alpha counts."""
+
+    def texture(self, slot: str) -> TextureUse | None:
+        """How a slot of TEXTURE_SLOTS reads its texture; None: it has none."""
+        use: TextureUse | None = getattr(self, f"{slot}_texture")
+        return use
+
+    def uses(self) -> Iterator[tuple[str, TextureUse]]:
+        """The slots that have a texture, in the order of TEXTURE_SLOTS."""
+        for slot in TEXTURE_SLOTS:
+            use = self.texture(slot)
+            if use is not None:
+                yield slot, use
+
+    @property
+    def mean_emissive(self) -> Colour:
+        """Radiance, with the emissive texture's mean."""
+        (red, green, blue), (r, g, b) = self.emissive, self.emissive_mean
+        return (red * r, green * g, blue * b) if self.emissive_texture else self.emissive
 
     @property
     def shines(self) -> bool:
-        return any(channel > 0 for channel in self.emissive)
+        return any(channel > 0 for channel in self.mean_emissive)
 
     @property
     def is_sampled_light(self) -> bool:
         """Whether its triangles stand in the light table: they shine, and alpha hides nothing of them.
 
-        Where alpha is less than 1, and how much, only the texture says, which a node that samples lights may not hold.
+        Where alpha is less than 1, and how much, only the texture or the vertices say, which a node that samples lights may not hold.
         """
         alpha = self.base_color[3]
         if self.alpha_mode == AlphaMode.OPAQUE:
             return self.shines
         whole = alpha >= self.alpha_cutoff if self.alpha_mode == AlphaMode.MASK else alpha >= 1.0
-        return self.shines and whole and self.base_color_texture < 0
+        return self.shines and whole and self.base_color_texture is None and not self.vertex_alpha
 
     @property
     def textured(self) -> bool:
-        return self.base_color_texture >= 0 or self.metallic_roughness_texture >= 0
+        return any(True for _ in self.uses())
+
+
+_NOTHING = Material()
+_COLOURS = {
+    "base_color": (4, 1.0), "emissive": (3, VALUE_MAX), "emissive_mean": (3, 1.0), "attenuation_color": (3, 1.0),
+    "specular_color": (3, VALUE_MAX),
+}  # fmt: skip
+"""How many numbers each has, and the highest of them; the lowest is 0."""
+_NUMBERS = {
+    "metallic": (0.0, 1.0), "roughness": (0.0, 1.0), "normal_scale": (-VALUE_MAX, VALUE_MAX), "occlusion_strength": (0.0, 1.0),
+    "transmission": (0.0, 1.0), "ior": (1.0, IOR_MAX), "thickness": (0.0, VALUE_MAX), "clearcoat": (0.0, 1.0),
+    "clearcoat_roughness": (0.0, 1.0), "clearcoat_normal_scale": (-VALUE_MAX, VALUE_MAX), "specular": (0.0, 1.0),
+    "alpha_cutoff": (0.0, VALUE_MAX),
+}  # fmt: skip
+_DISTANCE_MIN = 1e-30
+_FLAGS = ("unlit", "double_sided", "vertex_alpha")
 
 
 def encode_materials(materials: Sequence[Material]) -> list[bytes]:
@@ -81,46 +158,51 @@ def encode_materials(materials: Sequence[Material]) -> list[bytes]:
 
 def decode_materials(payload: bytes) -> tuple[int, list[Material]]:
     """The number of a page's first material, and its materials; DamagedData if anything is off."""
-    return decode_page(payload, KIND, VERSION, _from_fields)
+    return decode_versions(payload, KIND, {materials_v1.VERSION: _from_version_1, VERSION: _from_fields})
 
 
 def _to_map(material: Material) -> dict[str, Any]:
-    return {
-        "name": shorten(material.name),
-        "base_color": [float(value) for value in material.base_color],
-        "base_color_texture": material.base_color_texture,
-        "metallic": float(material.metallic),
-        "roughness": float(material.roughness),
-        "metallic_roughness_texture": material.metallic_roughness_texture,
-        "emissive": [float(value) for value in material.emissive],
-        "transmission": float(material.transmission),
-        "ior": float(material.ior),
-        "double_sided": material.double_sided,
-        "alpha_mode": int(material.alpha_mode),
-        "alpha_cutoff": float(material.alpha_cutoff),
-        "wrap_s": int(material.wrap_s),
-        "wrap_t": int(material.wrap_t),
-        "nearest": material.nearest,
-    }
+    plain: dict[str, Any] = {"name": shorten(material.name)}
+    for key in _COLOURS:
+        plain[key] = [float(value) for value in getattr(material, key)]
+    for key in _NUMBERS:
+        plain[key] = float(getattr(material, key))
+    for key in _FLAGS:
+        plain[key] = bool(getattr(material, key))
+    plain["attenuation_distance"] = float(material.attenuation_distance)
+    plain["alpha_mode"] = int(material.alpha_mode)
+    told = {key: value for key, value in plain.items() if value != _DEFAULTS.get(key)}
+    return told | {f"{slot}_texture": use.row() for slot, use in material.uses()}
+
+
+_DEFAULTS: dict[str, Any] = {
+    key: list(value) if isinstance(value, tuple) else value
+    for key in (*_COLOURS, *_NUMBERS, *_FLAGS, "attenuation_distance", "alpha_mode")
+    for value in (getattr(_NOTHING, key),)
+}
 
 
 def _from_fields(fields: Fields) -> Material:
-    red, green, blue, alpha = fields.numbers("base_color", 4, 0.0, 1.0)
-    emissive = fields.numbers("emissive", 3, 0.0, _VALUE_MAX)
-    return Material(
-        name=fields.text("name"),
-        base_color=(red, green, blue, alpha),
-        base_color_texture=fields.integer("base_color_texture", -1, _TEXTURES_MAX),
-        metallic=fields.number("metallic", 0.0, 1.0),
-        roughness=fields.number("roughness", 0.0, 1.0),
-        metallic_roughness_texture=fields.integer("metallic_roughness_texture", -1, _TEXTURES_MAX),
-        emissive=(emissive[0], emissive[1], emissive[2]),
-        transmission=fields.number("transmission", 0.0, 1.0),
-        ior=fields.number("ior", 1.0, 1e3),
-        double_sided=fields.flag("double_sided"),
-        alpha_mode=AlphaMode(fields.integer("alpha_mode", 0, len(AlphaMode) - 1)),
-        alpha_cutoff=fields.number("alpha_cutoff", 0.0, _VALUE_MAX),
-        wrap_s=Wrap(fields.integer("wrap_s", 0, len(Wrap) - 1)),
-        wrap_t=Wrap(fields.integer("wrap_t", 0, len(Wrap) - 1)),
-        nearest=fields.flag("nearest"),
-    )
+    found: dict[str, Any] = {"name": fields.text("name")}
+    for key, (count, high) in _COLOURS.items():
+        if fields.has(key):
+            found[key] = fields.numbers(key, count, 0.0, high)
+    for key, (low, high) in _NUMBERS.items():
+        if fields.has(key):
+            found[key] = fields.number(key, low, high)
+    for key in _FLAGS:
+        if fields.has(key):
+            found[key] = fields.flag(key)
+    if fields.has("attenuation_distance"):
+        found["attenuation_distance"] = fields.number("attenuation_distance", _DISTANCE_MIN, VALUE_MAX)
+    if fields.has("alpha_mode"):
+        found["alpha_mode"] = AlphaMode(fields.integer("alpha_mode", 0, len(AlphaMode) - 1))
+    for slot in TEXTURE_SLOTS:
+        if fields.has(f"{slot}_texture"):
+            found[f"{slot}_texture"] = use_of_row(fields, f"{slot}_texture")
+    return Material(**found)
+
+
+def _from_version_1(fields: Fields) -> Material:
+    found = materials_v1.fields_of(fields)
+    return Material(**found | {"alpha_mode": AlphaMode(found["alpha_mode"])})

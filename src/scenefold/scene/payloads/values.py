@@ -7,7 +7,7 @@ their codec knows; anything else is DamagedData that names the payload and the k
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from scenefold.base.errors import DamagedData, PeerFault
@@ -34,6 +34,10 @@ class Fields:
     def _take(self, key: str) -> Any:
         self.require(key in self._left, f"lacks {key!r}")
         return self._left.pop(key)
+
+    def has(self, key: str) -> bool:
+        """Whether the map has a key that was not taken yet."""
+        return key in self._left
 
     def integer(self, key: str, low: int, high: int) -> int:
         value = self._take(key)
@@ -115,14 +119,20 @@ def encode_pages(kind: str, version: int, items: Sequence[dict[str, Any]], *, fi
 
 def decode_page(payload: bytes, kind: str, version: int, decode_item: Callable[[Fields], Item]) -> tuple[int, list[Item]]:
     """The number of the first item, and the items."""
+    return decode_versions(payload, kind, {version: decode_item})
+
+
+def decode_versions(payload: bytes, kind: str, decoders: Mapping[int, Callable[[Fields], Item]]) -> tuple[int, list[Item]]:
+    """As `decode_page`, of a kind that has several versions: what decodes an item of each."""
     fields = unpack_fields(payload, f"a page of {kind}")
     fields.require(fields.text("kind") == kind, "does not begin with its mark")
-    fields.require(fields.integer("version", 0, 2**31) == version, "has an unknown version")
+    version = fields.integer("version", 0, 2**31)
+    fields.require(version in decoders, "has an unknown version")
     first = fields.integer("first", 0, 2**32)
     items = []
     for value in fields.sequence("items", PAYLOAD_BYTES_MAX):
         item = Fields(value, f"a page of {kind}")
-        items.append(decode_item(item))
+        items.append(decoders[version](item))
         item.end()
     fields.end()
     return first, items

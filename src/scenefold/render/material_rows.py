@@ -1,0 +1,86 @@
+"""Materials as rows of numbers, and how they read their textures: two of the arrays that kernels read. Pure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenefold.render.arrays import F64, MaterialColumn, TextureUseColumn
+from scenefold.scene.payloads.materials import TEXTURE_SLOTS, Material
+from scenefold.scene.payloads.texture_uses import TextureUse
+from scenefold.scene.tables import SceneTables
+
+USE_COLUMNS = {
+    "base_color": MaterialColumn.BASE_USE,
+    "metallic_roughness": MaterialColumn.METALLIC_ROUGHNESS_USE,
+    "normal": MaterialColumn.NORMAL_USE,
+    "occlusion": MaterialColumn.OCCLUSION_USE,
+    "emissive": MaterialColumn.EMISSIVE_USE,
+    "transmission": MaterialColumn.TRANSMISSION_USE,
+    "clearcoat": MaterialColumn.CLEARCOAT_USE,
+    "clearcoat_roughness": MaterialColumn.CLEARCOAT_ROUGHNESS_USE,
+    "clearcoat_normal": MaterialColumn.CLEARCOAT_NORMAL_USE,
+    "specular": MaterialColumn.SPECULAR_USE,
+    "specular_color": MaterialColumn.SPECULAR_COLOR_USE,
+}
+_FACTORS = {
+    MaterialColumn.METALLIC: "metallic",
+    MaterialColumn.ROUGHNESS: "roughness",
+    MaterialColumn.TRANSMISSION: "transmission",
+    MaterialColumn.IOR: "ior",
+    MaterialColumn.DOUBLE_SIDED: "double_sided",
+    MaterialColumn.ALPHA_MODE: "alpha_mode",
+    MaterialColumn.ALPHA_CUTOFF: "alpha_cutoff",
+    MaterialColumn.UNLIT: "unlit",
+    MaterialColumn.NORMAL_SCALE: "normal_scale",
+    MaterialColumn.OCCLUSION_STRENGTH: "occlusion_strength",
+    MaterialColumn.THICKNESS: "thickness",
+    MaterialColumn.ATTENUATION_DISTANCE: "attenuation_distance",
+    MaterialColumn.CLEARCOAT: "clearcoat",
+    MaterialColumn.CLEARCOAT_ROUGHNESS: "clearcoat_roughness",
+    MaterialColumn.CLEARCOAT_NORMAL_SCALE: "clearcoat_normal_scale",
+    MaterialColumn.SPECULAR: "specular",
+    MaterialColumn.VERTEX_ALPHA: "vertex_alpha",
+}
+_COLOURS = {
+    MaterialColumn.BASE: "base_color",
+    MaterialColumn.ATTENUATION_COLOR: "attenuation_color",
+    MaterialColumn.SPECULAR_COLOR: "specular_color",
+}
+assert set(USE_COLUMNS) == set(TEXTURE_SLOTS)
+
+
+def material_rows(tables: SceneTables) -> tuple[F64, F64]:
+    """`SceneArrays.materials` and `SceneArrays.texture_uses`: uses that are alike are one row.
+
+    Emission is rounded to f32, as the light table has it.
+    """
+    numbers: dict[TextureUse, int] = {}
+    rows = np.zeros((max(len(tables.materials), 1), MaterialColumn.WIDTH))
+    for row, material in zip(rows, tables.materials, strict=False):
+        for column, name in _FACTORS.items():
+            row[column] = float(getattr(material, name))
+        for column, name in _COLOURS.items():
+            colour = getattr(material, name)
+            row[column : column + len(colour)] = colour
+        row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] = np.array(material.mean_emissive, np.float32)
+        row[MaterialColumn.EMISSIVE : MaterialColumn.EMISSIVE + 3] = np.array(material.emissive, np.float32)
+        for slot, column in USE_COLUMNS.items():
+            use = material.texture(slot)
+            row[column] = -1 if use is None else numbers.setdefault(use, len(numbers))
+        _enter_common_use(row, material)
+    uses = np.zeros((max(len(numbers), 1), TextureUseColumn.WIDTH))
+    for use, number in numbers.items():
+        uses[number] = (use.texture, use.wrap_s, use.wrap_t, use.nearest, use.uv_set, *use.transform)
+    return rows, uses
+
+
+def _enter_common_use(row: F64, material: Material) -> None:
+    """The columns for kernels that read all textures of a material in one way, at the coordinates that the vertices have."""
+    base, rough = material.base_color_texture, material.metallic_roughness_texture
+    common = base or rough
+    alike = base is None or rough is None or (base.uv_set, base.transform) == (rough.uv_set, rough.transform)
+    row[MaterialColumn.BASE_TEXTURE] = -1 if base is None else base.texture
+    row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE] = -1 if rough is None or not alike else rough.texture
+    if common is not None:
+        row[MaterialColumn.WRAP_S], row[MaterialColumn.WRAP_T] = float(common.wrap_s), float(common.wrap_t)
+        row[MaterialColumn.NEAREST] = float(common.nearest)
