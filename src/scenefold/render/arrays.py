@@ -162,6 +162,18 @@ class SceneArrays(NamedTuple):
     punctual_lights: F64
     texture_uses: F64
     """[uses, TextureUseColumn.WIDTH], at least one row."""
+    uvs2: F32
+    """[vertices, 2], a second set of coordinates; zero where the file has none. [1, 2] unless `has_uvs2`."""
+    colors: F32
+    """[vertices, 4]: linear, within 0 to 1; one where the file has none. [1, 4] unless `has_colors`."""
+    tangents: F32
+    """[vertices, 4]: a unit vector of the prototype's space, and +1 or -1: the bitangent is that times normal x tangent, and its
+    sign turns under an instance that mirrors. Zero where the file has none: it follows from the texture coordinates then.
+    [1, 4] unless `has_tangents`."""
+    has_uvs2: bool
+    """Whether anything held has them."""
+    has_colors: bool
+    has_tangents: bool
 
 
 class JobNumbers(NamedTuple):

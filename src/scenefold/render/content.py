@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from scenefold.base.rays import T_DONE_STEPS
 from scenefold.partition import Partition
-from scenefold.render.arrays import F64, I64, U8, SceneArrays, TextureColumn
+from scenefold.render.arrays import F32, F64, I64, U8, SceneArrays, TextureColumn
 from scenefold.render.material_rows import material_rows
 from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
 from scenefold.render.setup_kernels import linear_of_srgb
-from scenefold.scene.payloads.geometry import GeometryAtom
+from scenefold.scene.payloads.geometry import HAS_COLORS, HAS_TANGENTS, HAS_UVS2, GeometryAtom
 from scenefold.scene.payloads.tiles import TextureTile
 from scenefold.scene.tables import SceneTables, instance_groups
 
@@ -117,7 +117,30 @@ def scene_arrays(
         np.ascontiguousarray(lights.alias),
         punctual_rows(tables),
         uses,
+        *_rarer_attributes([atom for group in sorted(atoms) for atom in atoms[group]], vertex_count),
     )
+
+
+def _rarer_attributes(held: Sequence[GeometryAtom], vertices: int) -> tuple[F32, F32, F32, bool, bool, bool]:
+    """`uvs2`, `colors`, `tangents` of `SceneArrays`, and whether anything held has them: few scenes do, so what none has is one row."""
+    flags = 0
+    for atom in held:
+        flags |= atom.flags
+    has_uvs2, has_colors, has_tangents = (bool(flags & flag) for flag in (HAS_UVS2, HAS_COLORS, HAS_TANGENTS))
+    uvs2 = np.zeros((vertices if has_uvs2 else 1, 2), np.float32)
+    colors = np.ones((vertices if has_colors else 1, 4), np.float32)
+    tangents = np.zeros((vertices if has_tangents else 1, 4), np.float32)
+    first = 0
+    for atom in held:
+        place = slice(first, first + len(atom.positions))
+        if atom.uvs2 is not None:
+            uvs2[place] = atom.uvs2
+        if atom.colors is not None:
+            colors[place] = atom.colors
+        if atom.tangents is not None:
+            tangents[place] = atom.tangents
+        first = place.stop
+    return uvs2, colors, tangents, has_uvs2, has_colors, has_tangents
 
 
 def worn_textures(tables: SceneTables, atoms: Mapping[int, Sequence[GeometryAtom]]) -> list[int]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scenefold.base.errors import DamagedData
 from scenefold.scene.payloads.cameras import Camera, decode_cameras
 from scenefold.scene.payloads.document import TABLES, SceneDocument, content_hash
-from scenefold.scene.payloads.geometry import HAS_NORMALS, HAS_UVS, GeometryAtom, decode_atom
+from scenefold.scene.payloads.geometry import GeometryAtom, decode_atom
 from scenefold.scene.payloads.groups import GroupTable, decode_groups, join_groups
 from scenefold.scene.payloads.instances import InstanceTable, decode_instances, join_instances
 from scenefold.scene.payloads.light_table import LightTable, decode_lights, join_lights
@@ -80,9 +80,8 @@ class SceneTables:
         return atoms
 
     def _check_atom(self, atom: GeometryAtom, group: int, number: int) -> None:
-        flags = HAS_NORMALS * (atom.normals is not None) | HAS_UVS * (atom.uvs is not None)
         belongs = atom.group == group and atom.prototype == self.groups.prototypes[group]
-        fits = len(atom.triangles) == self.groups.atoms["triangles"][number] and flags == self.groups.flags[group]
+        fits = len(atom.triangles) == self.groups.atoms["triangles"][number] and atom.flags == self.groups.flags[group]
         known = int(atom.materials.max()) < len(self.materials)
         if not (belongs and fits and known):
             raise DamagedData(f"an atom of group {group} is not the one that the group table speaks of")

@@ -80,6 +80,12 @@ def lit_scene() -> SceneArrays:
         alias,
         punctual_rows(),
         np.zeros((1, TextureUseColumn.WIDTH)),
+        np.zeros((1, 2), np.float32),
+        np.ones((1, 4), np.float32),
+        np.zeros((1, 4), np.float32),
+        has_uvs2=False,
+        has_colors=False,
+        has_tangents=False,
     )
 
 

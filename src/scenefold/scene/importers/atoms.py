@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scenefold.base.limits import ATOM_TRIANGLES_MAX, GROUP_TRIANGLES_TARGET
 from scenefold.scene.importers.runs import Run
-from scenefold.scene.payloads.geometry import HAS_NORMALS, HAS_UVS, atom_bytes, encode_atom, fits
+from scenefold.scene.payloads.geometry import atom_bytes, encode_packed, fits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,10 +33,6 @@ def group_count(run: Run) -> int:
     return max(1, (len(run.triangles) + GROUP_TRIANGLES_TARGET // 2) // GROUP_TRIANGLES_TARGET)
 
 
-def run_flags(run: Run) -> int:
-    return HAS_NORMALS * (run.normal_codes is not None) | HAS_UVS * (run.uvs is not None)
-
-
 def cut(run: Run, first_group: int) -> Iterator[CutAtom]:
     """The atoms of a run, in order. An atom belongs to the group in whose share of the run it begins."""
     total, groups = len(run.triangles), group_count(run)
@@ -49,8 +45,7 @@ def cut(run: Run, first_group: int) -> Iterator[CutAtom]:
         used, corners = np.unique(run.triangles[start:stop], return_inverse=True)
         materials = run.materials[start:stop]
         one = bool((materials == materials[0]).all())
-        has_normals, has_uvs = run.normal_codes is not None, run.uvs is not None
-        size = atom_bytes(len(used), stop - start, normals=has_normals, uvs=has_uvs, one_material=one)
+        size = atom_bytes(len(used), stop - start, flags=run.attributes.flags, one_material=one)
         if not fits(size):
             middle = (start + stop) // 2
             waiting += [(middle, stop), (start, middle)]
@@ -58,7 +53,5 @@ def cut(run: Run, first_group: int) -> Iterator[CutAtom]:
         group = first_group + start * groups // total
         triangles = corners.reshape(-1, 3).astype(np.uint32)
         positions = run.positions[used]
-        codes = None if run.normal_codes is None else run.normal_codes[used]
-        uvs = None if run.uvs is None else run.uvs[used]
-        payload = encode_atom(run.prototype, group, positions, codes, uvs, triangles, materials)
+        payload = encode_packed(run.prototype, group, positions, run.attributes.taken(used), triangles, materials)
         yield CutAtom(group, start, payload, positions[triangles], materials, positions.min(axis=0), positions.max(axis=0))

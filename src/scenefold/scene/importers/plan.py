@@ -23,7 +23,7 @@ from scenefold.base.errors import LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import LIGHT_TRIANGLES_MAX, TABLE_PAGES_MAX
 from scenefold.base.location import FIRST, Location
-from scenefold.scene.importers.atoms import CutAtom, cut, group_count, run_flags
+from scenefold.scene.importers.atoms import CutAtom, cut, group_count
 from scenefold.scene.importers.boxes import Box, cube, world_box
 from scenefold.scene.importers.emitters import Emitters
 from scenefold.scene.importers.framing import default_camera, framing_camera
@@ -170,7 +170,7 @@ class ImportPlan:
             matrix = self._a_place_of(run.prototype)
             groups = group_count(run)
             self._groups["prototype"][first_group : first_group + groups] = run.prototype
-            self._groups["flags"][first_group : first_group + groups] = run_flags(run)
+            self._groups["flags"][first_group : first_group + groups] = run.attributes.flags
             for atom in cut(run, first_group):
                 start = atom.start - group_starts.setdefault(atom.group, atom.start)
                 self._emitters.add(run.prototype, atom.group, start, atom.corners, atom.materials)

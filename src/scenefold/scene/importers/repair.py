@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,9 @@ def compact(part: MeshPart) -> MeshPart:
     if used.all():
         return part
     new_number = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
-    return replace(
-        part,
-        positions=part.positions[used],
-        normals=None if part.normals is None else part.normals[used],
-        uvs=None if part.uvs is None else part.uvs[used],
-        triangles=new_number[part.triangles],
-    )
+    arrays = {name: getattr(part, name) for name in ("positions", "normals", "uvs", "uvs2", "colors", "tangents")}
+    kept: dict[str, Any] = {name: None if array is None else array[used] for name, array in arrays.items()}
+    return replace(part, **kept, triangles=new_number[part.triangles])
 
 
 def mend_normals(part: MeshPart, left: NotCarried) -> MeshPart:
@@ -65,13 +62,41 @@ def _vertex_normals(part: MeshPart) -> NDArray[np.float32]:
 
 def mend_uvs(part: MeshPart, left: NotCarried) -> MeshPart:
     """Texture coordinates that are not finite become 0."""
-    if part.uvs is None or np.isfinite(part.uvs).all():
+    mended: dict[str, Any] = {}
+    for name in ("uvs", "uvs2"):
+        uvs = getattr(part, name)
+        if uvs is not None and not np.isfinite(uvs).all():
+            left.note("meshes with texture coordinates that were not finite")
+            mended[name] = np.where(np.isfinite(uvs), uvs, np.float32(0))
+    return replace(part, **mended) if mended else part
+
+
+def mend_colors(part: MeshPart, left: NotCarried) -> MeshPart:
+    """Vertex colours outside 0 to 1 are moved there, and what is not finite becomes 1. White ones, which change nothing, go."""
+    colors = part.colors
+    if colors is None:
         return part
-    left.note("meshes with texture coordinates that were not finite")
-    return replace(part, uvs=np.where(np.isfinite(part.uvs), part.uvs, np.float32(0)))
+    bad = ~((colors >= 0) & (colors <= 1)).all(axis=1)
+    if bad.any():
+        left.note("vertex colours outside 0 to 1, moved to its end", int(bad.sum()))
+        colors = np.where(np.isfinite(colors), np.clip(colors, 0, 1), 1).astype(np.float32)
+    return replace(part, colors=None if (colors == 1).all() else colors)
 
 
-def move_normals(cofactor: NDArray[np.float64], mirrored: bool, normals: NDArray[np.float32]) -> NDArray[np.float64]:
+def mend_tangents(part: MeshPart, left: NotCarried) -> MeshPart:
+    """Where a tangent is 0, or not finite, the mesh does without: they follow from the texture coordinates."""
+    if part.tangents is None:
+        return part
+    with np.errstate(over="ignore", invalid="ignore"):
+        sizes = np.abs(part.tangents[:, :3]).sum(axis=1)
+        good = (sizes > 1e-12) & (sizes < 1e12) & np.isfinite(part.tangents[:, 3])
+    if good.all():
+        return part
+    left.note("meshes with tangents that were none")
+    return replace(part, tangents=None)
+
+
+def move_normals(cofactor: NDArray[np.float64], mirrored: bool, normals: NDArray[np.floating]) -> NDArray[np.float64]:
     """Normals (of any length) under a transform with these cofactors; outside stays outside."""
     # The inverse transpose is the cofactors over the determinant; lengths do not matter, its sign does.
     return move_vectors(-cofactor if mirrored else cofactor, normals)

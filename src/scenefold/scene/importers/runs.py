@@ -1,6 +1,6 @@
 """Runs: the triangles of one prototype that have the same attributes, walked along the Hilbert curve.
 
-Triangles with and without normals, with and without texture coordinates stay apart, so that no atom pays for
+Triangles with and without normals, texture coordinates and the like stay apart, so that no atom pays for
 attributes that it does not have, and all atoms of a group have the same. Memory: about 60 bytes a triangle.
 """
 
@@ -13,11 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefold.base.limits import TRIANGLE_DOUBLE_AREA_MIN
-from scenefold.scene.importers.matrices import Matrix, cofactors, determinant, move_points
+from scenefold.scene.importers.matrices import Matrix, cofactors, determinant, move_points, move_vectors
 from scenefold.scene.importers.repair import face_crosses, move_normals
 from scenefold.scene.importers.source import MeshPart
-from scenefold.scene.payloads.geometry import encode_normals
+from scenefold.scene.payloads.vertex_attributes import (
+    HAS_COLORS,
+    HAS_NORMALS,
+    HAS_TANGENTS,
+    HAS_UVS,
+    HAS_UVS2,
+    VertexAttributes,
+    encode_colors,
+    encode_normals,
+    encode_tangents,
+)
 
+_ORDER = (HAS_NORMALS, HAS_UVS, HAS_UVS2, HAS_COLORS, HAS_TANGENTS)
+"""Runs without the first come first, and so on."""
 _BLOCK = 1 << 18
 """Triangles at a time where f64 intermediates are needed."""
 
@@ -26,8 +38,7 @@ _BLOCK = 1 << 18
 class Run:
     prototype: int
     positions: NDArray[np.float32]
-    normal_codes: NDArray[np.int16] | None
-    uvs: NDArray[np.float32] | None
+    attributes: VertexAttributes
     triangles: NDArray[np.uint32]
     materials: NDArray[np.uint16]
 
@@ -38,36 +49,50 @@ class Run:
 
 
 def make_runs(prototype: int, parts: Iterable[tuple[MeshPart, Matrix | None]]) -> tuple[list[Run], int]:
-    """The runs of a prototype, at most four, and the number of triangles without area that were dropped."""
-    kinds: dict[tuple[bool, bool], list[Run]] = {}
+    """The runs of a prototype, one for each set of attributes, and the number of triangles without area that were dropped."""
+    kinds: dict[tuple[bool, ...], list[Run]] = {}
     dropped = 0
     for part, matrix in parts:
         baked = _bake(prototype, part, matrix)
         dropped += len(part.triangles) - len(baked.triangles)
         if len(baked.triangles):
-            kinds.setdefault((baked.normal_codes is not None, baked.uvs is not None), []).append(baked)
+            flags = baked.attributes.flags
+            kinds.setdefault(tuple(bool(flags & flag) for flag in _ORDER), []).append(baked)
     return [_along_curve(_joined(kinds.pop(kind))) for kind in sorted(kinds)], dropped
 
 
 def _bake(prototype: int, part: MeshPart, matrix: Matrix | None) -> Run:
-    positions, normals, triangles = part.positions, part.normals, part.triangles
-    codes = None
-    if matrix is None:
-        codes = None if normals is None else encode_normals(normals.astype(np.float64))
-    else:
+    positions, triangles = part.positions, part.triangles
+    normals: NDArray[np.floating] | None = part.normals
+    tangents: NDArray[np.floating] | None = part.tangents
+    if matrix is not None:
         mirrored = determinant(matrix) < 0
         positions = move_points(matrix, positions).astype(np.float32)
         # A mirror turns triangles inside out; exchanging two corners turns them back.
         triangles = triangles[:, [0, 2, 1]] if mirrored else triangles
+        # A flat scale leaves some normals and tangents without direction.
         if normals is not None:
-            moved = move_normals(cofactors(matrix), mirrored, normals)
-            # A flat scale leaves some normals without direction.
-            moved[np.abs(moved).sum(axis=1) < 1e-300] = (0.0, 0.0, 1.0)
-            codes = encode_normals(moved)
+            normals = _never_zero(move_normals(cofactors(matrix), mirrored, normals), (0.0, 0.0, 1.0))
+        if tangents is not None:
+            signs = tangents[:, 3:] * (-1.0 if mirrored else 1.0)
+            moved = _never_zero(move_vectors(matrix[:3, :3], tangents[:, :3]), (1.0, 0.0, 0.0))
+            tangents = np.concatenate([moved, signs], axis=1)
+    attributes = VertexAttributes(
+        normals=None if normals is None else encode_normals(normals),
+        uvs=part.uvs,
+        uvs2=part.uvs2,
+        colors=None if part.colors is None else encode_colors(part.colors),
+        tangents=None if tangents is None else encode_tangents(tangents),
+    )
     whole = _with_area(positions, triangles)
     if not whole.all():
         triangles = triangles[whole]
-    return Run(prototype, positions, codes, part.uvs, triangles, np.full(len(triangles), part.material, np.uint16))
+    return Run(prototype, positions, attributes, triangles, np.full(len(triangles), part.material, np.uint16))
+
+
+def _never_zero(vectors: NDArray[np.float64], instead: tuple[float, float, float]) -> NDArray[np.float64]:
+    vectors[np.abs(vectors).sum(axis=1) < 1e-300] = instead
+    return vectors
 
 
 def _with_area(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.bool_]:
@@ -82,13 +107,10 @@ def _joined(pieces: list[Run]) -> Run:
     if len(pieces) == 1:
         return pieces[0]
     before = np.cumsum([0] + [len(piece.positions) for piece in pieces])
-    codes = [piece.normal_codes for piece in pieces if piece.normal_codes is not None]
-    uvs = [piece.uvs for piece in pieces if piece.uvs is not None]
     joined = Run(
         pieces[0].prototype,
         np.concatenate([piece.positions for piece in pieces]),
-        np.concatenate(codes) if codes else None,
-        np.concatenate(uvs) if uvs else None,
+        VertexAttributes.joined([piece.attributes for piece in pieces]),
         np.concatenate([piece.triangles + np.uint32(start) for piece, start in zip(pieces, before[:-1], strict=True)]),
         np.concatenate([piece.materials for piece in pieces]),
     )

@@ -28,6 +28,12 @@ class MeshPart:
     uvs: NDArray[np.float32] | None
     triangles: NDArray[np.uint32]
     material: int
+    uvs2: NDArray[np.float32] | None = None
+    """f32[nv, 2], for textures that read a second set of coordinates."""
+    colors: NDArray[np.float32] | None = None
+    """f32[nv, 4] within 0 to 1, linear."""
+    tangents: NDArray[np.float32] | None = None
+    """f32[nv, 4]: vectors that are not 0, and a sign."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

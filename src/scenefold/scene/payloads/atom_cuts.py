@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scenefold.base.errors import DamagedData
 from scenefold.scene.payloads.binary import PayloadReader, head
-from scenefold.scene.payloads.geometry import HAS_NORMALS, HAS_UVS, KIND, ONE_MATERIAL, VERSION, decode_atom
+from scenefold.scene.payloads.geometry import KIND, NEWEST, OLDEST, ONE_MATERIAL, VertexAttributes, decode_atom
 
 _NUMBERS = struct.Struct(">HH")
 _VERTICES_MAX = 65_535
@@ -26,12 +26,12 @@ _VERTICES_MAX = 65_535
 class _Bare:
     """An atom as its bytes are, nothing decoded: arrays of little-endian numbers."""
 
+    version: int
     flags: int
     prototype: int
     group: int
     positions: NDArray[np.float32]
-    normals: NDArray[np.int16] | None
-    uvs: NDArray[np.float32] | None
+    attributes: VertexAttributes
     corners: NDArray[np.uint16]
     materials: NDArray[np.uint16]
 
@@ -39,19 +39,19 @@ class _Bare:
     def read(cls, payload: bytes) -> _Bare:
         """DamagedData if it is no atom."""
         decode_atom(payload)
-        reader = PayloadReader(payload, KIND, VERSION, "geometry atom")
+        reader = PayloadReader(payload, KIND, OLDEST, "geometry atom", newest=NEWEST)
         flags, prototype, group, vertices, triangles = reader.unpack("HIIII")
         positions = reader.array("<f4", vertices, 3)
-        normals = reader.array("<i2", vertices, 2) if flags & HAS_NORMALS else None
-        uvs = reader.array("<f4", vertices, 2) if flags & HAS_UVS else None
+        attributes = VertexAttributes.read(reader, flags, vertices)
         corners = reader.array("<u2", triangles, 3)
-        return cls(flags, prototype, group, positions, normals, uvs, corners, reader.array("<u2", 1 if flags & ONE_MATERIAL else triangles))
+        materials = reader.array("<u2", 1 if flags & ONE_MATERIAL else triangles)
+        return cls(reader.version, flags, prototype, group, positions, attributes, corners, materials)
 
     def bytes(self) -> bytes:
         counts = struct.pack("<HIIII", self.flags, self.prototype, self.group, len(self.positions), len(self.corners))
-        arrays = (self.positions, self.normals, self.uvs, self.corners, self.materials)
+        ends = (self.corners.tobytes(), self.materials.tobytes())
         # How long it is, is looked at by who knows how long it was.
-        return b"".join([head(KIND, VERSION), counts, *(array.tobytes() for array in arrays if array is not None)])
+        return b"".join([head(KIND, self.version), counts, self.positions.tobytes(), *self.attributes.payload(), *ends])
 
     def piece(self, first: int, last: int) -> tuple[NDArray[np.int64], _Bare]:
         """Triangles first..last - 1 and their vertices, with the numbers of these. The first piece takes those that no triangle has, too."""
@@ -67,8 +67,7 @@ class _Bare:
         return numbers, replace(
             self,
             positions=self.positions[numbers],
-            normals=None if self.normals is None else self.normals[numbers],
-            uvs=None if self.uvs is None else self.uvs[numbers],
+            attributes=self.attributes.taken(numbers),
             corners=renamed[corners],
             materials=self.materials if self.flags & ONE_MATERIAL else self.materials[first:last],
         )
@@ -103,23 +102,23 @@ def joined_atom(contents: Sequence[bytes]) -> bytes:
     """The atom that these pieces, in order, were cut from; DamagedData if they were cut from none."""
     pieces = [_opened(content) for content in contents]
     total, _, first = pieces[0]
-    shape = (first.flags, first.prototype, first.group)
+    shape = (first.version, first.flags, first.prototype, first.group)
     positions = np.zeros((total, 3), "<f4")
-    normals = None if first.normals is None else np.zeros((total, 2), "<i2")
-    uvs = None if first.uvs is None else np.zeros((total, 2), "<f4")
+    attributes = VertexAttributes.empty(first.flags, total)
     known = np.zeros(total, bool)
     corners = []
     for size, numbers, piece in pieces:
-        _require(size == total and (piece.flags, piece.prototype, piece.group) == shape, "are of several atoms")
-        for whole, part in ((positions, piece.positions), (normals, piece.normals), (uvs, piece.uvs)):
-            if whole is not None and part is not None:
-                whole[numbers] = part
+        _require(size == total and (piece.version, piece.flags, piece.prototype, piece.group) == shape, "are of several atoms")
+        positions[numbers] = piece.positions
+        parts = piece.attributes.arrays()
+        for name, whole in attributes.arrays().items():
+            whole[numbers] = parts[name]
         known[numbers] = True
         corners.append(numbers[piece.corners])
     _require(bool(known.all()), "leave out a vertex")
     materials = first.materials if first.flags & ONE_MATERIAL else np.concatenate([piece.materials for _, _, piece in pieces])
     return replace(
-        first, positions=positions, normals=normals, uvs=uvs, corners=np.concatenate(corners).astype("<u2"), materials=materials
+        first, positions=positions, attributes=attributes, corners=np.concatenate(corners).astype("<u2"), materials=materials
     ).bytes()
 
 

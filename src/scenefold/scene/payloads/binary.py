@@ -34,7 +34,8 @@ def finish(parts: list[bytes]) -> bytes:
 class PayloadReader:
     """Walks through one payload. Every misfit is DamagedData naming `what`."""
 
-    def __init__(self, payload: bytes, kind: bytes, version: int, what: str) -> None:
+    def __init__(self, payload: bytes, kind: bytes, version: int, what: str, *, newest: int | None = None) -> None:
+        """`newest`: versions from `version` to this are read, and `self.version` is the one found."""
         # bytes() of bytes is the same object; of a view it is a copy, which keeps our views read-only.
         self._payload = bytes(payload)
         self._offset = 0
@@ -42,7 +43,8 @@ class PayloadReader:
         self.require(len(self._payload) <= PAYLOAD_BYTES_MAX, "is larger than a record may be")
         found_kind, found_version = self.unpack("4sH")
         self.require(found_kind == kind, "does not begin with its mark")
-        self.require(found_version == version, f"has the unknown version {found_version}")
+        self.require(version <= found_version <= (newest or version), f"has the unknown version {found_version}")
+        self.version: int = found_version
 
     def require(self, holds: bool, otherwise: str) -> None:
         """DamagedData unless `holds`; `otherwise` completes the sentence "the payload ..."."""

@@ -1,12 +1,13 @@
 """Pages of the group table: which atoms make a group, and where they lie (specs/05-scene-content.md).
 
     0   4s   "sfgt"               12   groups, 36 bytes each:  u32 prototype, u32 triangles, u16 atoms,
-    4   u16  version, 1                                        u8 flags, u8 zero, f32[3] low, f32[3] high
+    4   u16  version, 1, 2                                     u8 flags, u8 zero, f32[3] low, f32[3] high
     6   u16  groups                    atoms, 48 bytes each:   20 bytes location, u32 triangles,
     8   u32  number of the first                               f32[3] low, f32[3] high
 
 The atoms of all groups follow in order. A group's triangles are those of its atoms, in order: that is the
-number by which the light table and the caster name a triangle. Boxes are in the prototype's space, exact.
+number by which the light table and the caster name a triangle. Boxes are in the prototype's space, exact. Flags are those of
+version 1 or of version 2 of atoms, as the page's version says; the older is written where it suffices.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from numpy.typing import NDArray
 from scenefold.base.limits import ATOM_TRIANGLES_MAX, COORDINATE_ABS_MAX, PAYLOAD_BYTES_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.scene.payloads.binary import PayloadReader, finish, head
-from scenefold.scene.payloads.geometry import HAS_NORMALS, HAS_UVS
+from scenefold.scene.payloads.vertex_attributes import ATTRIBUTE_FLAGS, OLD_FLAGS
 
-KIND, VERSION = b"sfgt", 1
+KIND, OLDEST, NEWEST = b"sfgt", 1, 2
 _HEAD_BYTES = 12
 GROUP_ROW = np.dtype(
     [
@@ -50,7 +51,7 @@ class GroupTable:
     triangles: NDArray[np.uint32]
     """Number of triangles of each group."""
     flags: NDArray[np.uint8]
-    """HAS_NORMALS, HAS_UVS: all atoms of a group have the same attributes."""
+    """HAS_NORMALS and the like (vertex_attributes.py): all atoms of a group have the same attributes."""
     low: NDArray[np.float32]
     """f32[ng, 3], like `high` in prototype space."""
     high: NDArray[np.float32]
@@ -71,7 +72,8 @@ class GroupTable:
 def encode_groups(first: int, groups: NDArray[np.void], atoms: NDArray[np.void]) -> bytes:
     """A page of groups (GROUP_ROW) and all their atoms (ATOM_ROW)."""
     assert int(groups["atoms"].sum()) == len(atoms)
-    page_head = head(KIND, VERSION) + struct.pack("<HI", len(groups), first)
+    is_old = not (groups["flags"] & ~np.uint8(OLD_FLAGS)).any()
+    page_head = head(KIND, OLDEST if is_old else NEWEST) + struct.pack("<HI", len(groups), first)
     return finish([page_head, groups.astype(GROUP_ROW).tobytes(), atoms.astype(ATOM_ROW).tobytes()])
 
 
@@ -89,13 +91,14 @@ def page_bounds(atoms_of_groups: Sequence[int]) -> list[int]:
 
 def decode_groups(payload: bytes) -> GroupTable:
     """One page; DamagedData if anything is off."""
-    reader = PayloadReader(payload, KIND, VERSION, "page of the group table")
+    reader = PayloadReader(payload, KIND, OLDEST, "page of the group table", newest=NEWEST)
     count, first = reader.unpack("HI")
     rows = reader.array(GROUP_ROW, count)
     atoms = reader.array(ATOM_ROW, int(rows["atoms"].sum(dtype=np.int64)))
     reader.end()
     reader.require(count > 0 and bool((rows["atoms"] > 0).all()), "has an empty group")
-    reader.require(not (rows["zero"].any() or (rows["flags"] & ~np.uint8(HAS_NORMALS | HAS_UVS)).any()), "has unknown flags")
+    known = np.uint8(OLD_FLAGS if reader.version == OLDEST else ATTRIBUTE_FLAGS)
+    reader.require(not (rows["zero"].any() or (rows["flags"] & ~known).any()), "has unknown flags")
     first_atom = np.concatenate([[0], np.cumsum(rows["atoms"], dtype=np.int64)])
     reader.require(bool(((atoms["triangles"] > 0) & (atoms["triangles"] <= ATOM_TRIANGLES_MAX)).all()), "has an odd atom")
     sums = np.add.reduceat(atoms["triangles"].astype(np.int64), first_atom[:-1])
