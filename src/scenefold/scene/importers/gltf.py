@@ -42,6 +42,7 @@ def read_gltf(path: Path) -> SourceScene:
         meshes=meshes,
         placed_meshes=np.array([new_number[number] for number in placements.meshes], np.int64),
         placed_matrices=matrices,
+        as_instances=np.array(placements.as_instances, bool),
         materials=materials.materials,
         textures=materials.textures.list.textures,
         cameras=placements.cameras,
@@ -58,6 +59,7 @@ def _check_asset(json: JsonMap, left: NotCarried) -> None:
         if name not in _UNDERSTOOD and not name.startswith("KHR_materials_"):
             raise json.fault(f"names {name}, which scenefold does not read", "extensionsRequired")
     for name in json.texts("extensionsUsed"):
-        if name not in _UNDERSTOOD and not name.startswith("KHR_materials_"):
+        # Those of materials are counted by the materials that have them; variants stand elsewhere.
+        if name not in _UNDERSTOOD and (not name.startswith("KHR_materials_") or name == "KHR_materials_variants"):
             left.note(f"extension {name}")
     left.note("animations", len(json.maps("animations")))

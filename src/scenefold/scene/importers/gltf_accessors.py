@@ -42,6 +42,15 @@ class Accessors:
             np.maximum(values, np.float32(-1), out=values)
         return values
 
+    def shares(self, number: int, kinds: tuple[str, ...]) -> NDArray[np.float32]:
+        """f32[n, width] of one of these types: whole numbers are shares of the largest there is, marked so or not."""
+        entry = self._entries[number]
+        if entry.text("type") not in kinds:
+            raise entry.fault(f"is {entry.text('type')!r}, where {' or '.join(kinds)} is needed", "type")
+        raw = self._raw(entry)
+        values = raw.astype(np.float32, copy=False)
+        return values if raw.dtype.kind == "f" else values / np.float32(np.iinfo(raw.dtype.str).max)
+
     def indices(self, number: int) -> NDArray[np.uint32]:
         """u32[n]."""
         entry = self._entries[number]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from scenefold.base.limits import MATERIALS_MAX
@@ -76,6 +77,10 @@ class GltfMaterials:
         for name in entry.inner("extensions").keys():  # noqa: SIM118, a JsonMap is no dict
             if name not in CARRIED:
                 self._left.note(f"material extension {name}")
+
+    def let_vertices_hide(self, number: int) -> None:
+        """Says that some vertex that wears a material has a colour whose alpha counts."""
+        self.materials[number] = replace(self.materials[number], vertex_alpha=True)
 
     # --- factors
 

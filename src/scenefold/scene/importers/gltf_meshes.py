@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from scenefold.base.limits import COORDINATE_ABS_MAX
 from scenefold.scene.importers.gltf_accessors import Accessors
+from scenefold.scene.importers.gltf_attributes import GltfAttributes
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.gltf_materials import GltfMaterials
-from scenefold.scene.importers.repair import compact, mend_normals, mend_uvs
+from scenefold.scene.importers.repair import compact
 from scenefold.scene.importers.source import MeshPart, NotCarried
 
 _TRIANGLES_SPARE = 100_000
@@ -23,6 +24,7 @@ class GltfMeshes:
     def __init__(self, file: GltfFile, accessors: Accessors, materials: GltfMaterials, left: NotCarried) -> None:
         self._entries = file.json.maps("meshes")
         self._accessors = accessors
+        self._attributes = GltfAttributes(accessors, materials, left)
         self._materials = materials
         self._left = left
         self._file = file
@@ -45,7 +47,7 @@ class GltfMeshes:
         if where < 0:
             self._left.note("primitives without positions")
             return None
-        self._note_rest(primitive, attributes)
+        self._left.note("morph targets", int(bool(primitive.maps("targets"))))
         positions = self._accessors.floats(where, "VEC3")
         triangles = self._triangles(primitive, mode, len(positions))
         self._triangles_read += len(triangles)
@@ -54,13 +56,11 @@ class GltfMeshes:
             raise primitive.fault("brings the file to more triangles than it has bytes")
         material = primitive.index("material", len(self._materials.materials) - 1, "material")
         material = self._materials.default if material < 0 else material
-        normals = self._attribute(attributes, "NORMAL", "VEC3", len(positions))
-        uvs = self._uvs(attributes, material, len(positions))
-        part = compact(MeshPart(positions, normals, uvs, triangles, material))
+        part = compact(self._attributes.dressed(MeshPart(positions, None, None, triangles, material), attributes))
         # NaN fails this comparison too.
         if not (np.abs(part.positions) <= COORDINATE_ABS_MAX).all():
             raise primitive.fault("has a position that is not finite, or beyond 1e9")
-        return mend_uvs(mend_normals(part, self._left), self._left)
+        return self._attributes.mended(part)
 
     def _triangles(self, primitive: JsonMap, mode: int, vertices: int) -> NDArray[np.uint32]:
         where = primitive.index("indices", len(self._accessors), "accessor")
@@ -78,27 +78,3 @@ class GltfMeshes:
         strip = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
         strip[1::2] = strip[1::2][:, [0, 2, 1]]
         return strip
-
-    def _attribute(self, attributes: JsonMap, name: str, kind: str, vertices: int) -> NDArray[np.float32] | None:
-        where = attributes.index(name, len(self._accessors), "accessor")
-        if where < 0:
-            return None
-        values = self._accessors.floats(where, kind)
-        if len(values) != vertices:
-            raise attributes.fault(f"has {len(values)} elements, but there are {vertices} positions", name)
-        return values
-
-    def _uvs(self, attributes: JsonMap, material: int, vertices: int) -> NDArray[np.float32] | None:
-        # Coordinates that no texture reads would only make atoms larger.
-        sets = self._materials.coordinates[material]
-        if not sets:
-            return None
-        uvs = self._attribute(attributes, f"TEXCOORD_{sets[0].number}", "VEC2", vertices)
-        if uvs is None:
-            self._left.note("textures on meshes without texture coordinates")
-            return None
-        return sets[0].apply(uvs)
-
-    def _note_rest(self, primitive: JsonMap, attributes: JsonMap) -> None:
-        self._left.note("vertex colours", int(attributes.has("COLOR_0")))
-        self._left.note("morph targets", int(bool(primitive.maps("targets"))))

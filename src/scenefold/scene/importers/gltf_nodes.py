@@ -18,6 +18,7 @@ from scenefold.scene.payloads.punctual import LightKind, PunctualLight
 
 _LIGHTS: dict[str, LightKind] = {"point": "point", "spot": "spot", "directional": "directional"}
 _NONE = (0.0,) * 16
+_NAME_LETTERS_MAX = 40
 
 
 @dataclass(slots=True)
@@ -26,6 +27,8 @@ class Placements:
 
     meshes: list[int] = field(default_factory=list)
     matrices: list[Matrix] = field(default_factory=list)
+    as_instances: list[bool] = field(default_factory=list)
+    """Whether the file itself says that it is one of many copies (EXT_mesh_gpu_instancing)."""
     cameras: list[Camera] = field(default_factory=list)
     punctual: list[PunctualLight] = field(default_factory=list)
 
@@ -89,6 +92,7 @@ class NodeWalk:
             copies = self._copies(node, world)
             self._found.meshes += [mesh] * len(copies)
             self._found.matrices += copies
+            self._found.as_instances += [node.extension("EXT_mesh_gpu_instancing") is not None] * len(copies)
             if len(self._found.meshes) > INSTANCES_MAX:
                 raise self._json.fault(f"places more than {INSTANCES_MAX} meshes", "nodes")
             self._left.note("skins, shown in the pose that they were modelled in", int(node.has("skin")))
@@ -101,7 +105,7 @@ class NodeWalk:
             which = light.index("light", len(self._lights), "light")
             if which < 0:
                 raise light.fault("is missing", "light")
-            self._found.punctual.append(self._light(self._lights[which], node, world))
+            self._light(self._lights[which], node, world)
 
     def _copies(self, node: JsonMap, world: Matrix) -> list[Matrix]:
         instancing = node.extension("EXT_mesh_gpu_instancing")
@@ -110,6 +114,9 @@ class NodeWalk:
         attributes = instancing.inner("attributes")
         kinds = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
         columns = {}
+        for key in attributes.keys():  # noqa: SIM118, a JsonMap is no dict
+            if key not in kinds:
+                self._left.note(f"the instance attribute {key[:_NAME_LETTERS_MAX]}")
         for key, kind in kinds.items():
             accessor = attributes.index(key, len(self._accessors), "accessor")
             if accessor >= 0:
@@ -165,7 +172,7 @@ class NodeWalk:
             raise view.fault(f"has xmag {xmag}, ymag {ymag}, near {near}, far {far}: a view without size")
         return Camera(name, matrix, "orthographic", ymag=ymag, aspect=xmag / ymag, near=near)
 
-    def _light(self, entry: JsonMap, node: JsonMap, world: Matrix) -> PunctualLight:
+    def _light(self, entry: JsonMap, node: JsonMap, world: Matrix) -> None:
         kind = entry.text("type")
         if kind not in _LIGHTS:
             raise entry.fault(f"is the unknown {kind!r}", "type")
@@ -176,14 +183,15 @@ class NodeWalk:
         axis = -world[:3, 2]
         length = math.sqrt(float((axis**2).sum()))
         if length == 0 and kind != "point":
-            raise node.fault("gives its light no direction")
+            self._left.note("lights whose transform leaves them no direction")
+            return
         way = (axis / length).tolist() if length else [0.0, 0.0, -1.0]
         spot = entry.inner("spot")
         inner, outer = spot.number("innerConeAngle", 0.0), spot.number("outerConeAngle", math.pi / 4)
         if not 0 <= inner < outer <= math.pi / 2:
             raise spot.fault(f"has cones of {inner} and {outer} radians")
         place = world[:3, 3].tolist()
-        return PunctualLight(
+        light = PunctualLight(
             name=node.text("name", "") or entry.text("name", ""),
             kind=_LIGHTS[kind],
             position=(place[0], place[1], place[2]),
@@ -193,3 +201,4 @@ class NodeWalk:
             outer_cone=outer,
             range=max(entry.number("range", 0.0), 0.0),
         )
+        self._found.punctual.append(light)

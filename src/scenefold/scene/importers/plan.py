@@ -69,7 +69,7 @@ class ImportPlan:
         self._prototypes = decide(source)
         self._instances = self._prototypes.instance_rows()
         self._runs: list[Run] = []
-        self._dropped = 0
+        self._dropped = self._prototypes.vanished
         for prototype in range(len(self._prototypes.meshes) + 1):
             runs, dropped = make_runs(prototype, self._prototypes.parts(source, prototype))
             self._runs += runs

@@ -2,7 +2,7 @@
 
 A mesh that one node uses is baked: its triangles get world coordinates and belong to prototype 0. One that
 several nodes use becomes a prototype of its own, unless all copies together are fewer triangles than the
-bookkeeping of instances is worth. A copy without volume (a scale of 0) cannot be an instance, because no ray
+bookkeeping of instances is worth, and the file does not call them instances itself. A copy without volume (a scale of 0) cannot be an instance, because no ray
 can be carried into its space: it is baked too, or dropped where nothing of it is left to see.
 """
 
@@ -35,6 +35,8 @@ class Prototypes:
     meshes: list[int] = field(default_factory=list)
     instances: list[tuple[int, Matrix]] = field(default_factory=list)
     """(prototype, prototype -> world), without instance 0"""
+    vanished: int = 0
+    """Triangles of copies that a transform leaves nothing of."""
 
     def parts(self, source: SourceScene, prototype: int) -> Iterator[tuple[MeshPart, Matrix | None]]:
         """The parts of a prototype, with the transform to bake in."""
@@ -57,7 +59,11 @@ def decide(source: SourceScene) -> Prototypes:
     """The decision for a whole scene, in file order."""
     sizes = [sum(len(part.triangles) for part in parts) for parts in source.meshes]
     uses = np.bincount(source.placed_meshes, minlength=len(sizes)).tolist()
-    shared = [use > 1 and use * size > BAKED_COPIES_TRIANGLES_MAX for use, size in zip(uses, sizes, strict=True)]
+    called = np.zeros(len(sizes), bool)
+    if source.as_instances is not None:
+        called[source.placed_meshes[source.as_instances]] = True
+    large = [use * size > BAKED_COPIES_TRIANGLES_MAX for use, size in zip(uses, sizes, strict=True)]
+    shared = [use > 1 and (many or told) for use, many, told in zip(uses, large, called.tolist(), strict=True)]
     result, number, flat = Prototypes(), {}, 0
     flatness = _are_flat(source.placed_matrices).tolist()
     _check_reach(source)
@@ -72,6 +78,8 @@ def decide(source: SourceScene) -> Prototypes:
         elif not shared[mesh] or cofactors(matrix).any():
             result.baked.append((mesh, matrix))
             flat += sizes[mesh] if shared[mesh] else 0
+        else:
+            result.vanished += sizes[mesh]
     if flat > _FLAT_TRIANGLES_MAX:
         raise LocalFault(f"{source.name} places {flat} triangles without volume", remedy="remove scales of 0")
     if len(result.instances) >= INSTANCES_MAX:

@@ -62,6 +62,8 @@ class SourceScene:
     cameras: list[Camera] = field(default_factory=list)
     punctual: list[PunctualLight] = field(default_factory=list)
     not_carried: list[str] = field(default_factory=list)
+    as_instances: NDArray[np.bool_] | None = None
+    """bool[np]: placements that the file itself calls instances, which stay instances however small. None: there is none."""
 
 
 class NotCarried:
