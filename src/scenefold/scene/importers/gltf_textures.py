@@ -26,7 +26,7 @@ class GltfTextures:
         self._images = file.json.maps("images")
         self._samplers = file.json.maps("samplers")
         self._entries = file.json.maps("textures")
-        self.list = TextureList()
+        self.list = TextureList(left)
 
     def reading(self, info: JsonMap, *, srgb: bool) -> Reading | None:
         """The texture that `info` names and how it is read; None if it names none that can be read."""

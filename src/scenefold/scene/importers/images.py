@@ -1,25 +1,22 @@
 """Images of a scene file: checked once before anything is written, decoded again when their tiles are.
 
-The only place of the importers that knows Pillow.
+Only image_modes.py knows Pillow.
 """
 
 from __future__ import annotations
 
-import io
-import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.limits import TEXTURE_PIXELS_MAX, TEXTURE_SIDE_MAX
 from scenefold.scene.importers.faults import bad_file
-from scenefold.scene.importers.source import Pixels, SourceTexture
+from scenefold.scene.importers.image_modes import opened, rgba_of
+from scenefold.scene.importers.source import NotCarried, Pixels, SourceTexture
 
-_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 _SRGB_KNEE = 0.04045
 
 
@@ -35,6 +32,10 @@ class EncodedImage:
 
     def pixels(self) -> Pixels:
         """u8[height, width, 4]; LocalFault if it is no image, damaged, or too large."""
+        return self.decoded()[0]
+
+    def decoded(self) -> tuple[Pixels, bool]:
+        """The pixels, and whether the file had more than 8 bits a channel."""
         try:
             return self._decoded()
         except LocalFault:
@@ -42,20 +43,13 @@ class EncodedImage:
         except Exception as error:  # Pillow's decoders raise many kinds of errors on damaged files
             raise bad_file(self.scene_file, f"{self.what} cannot be read, {error}", "export it as PNG or JPEG") from error
 
-    def _decoded(self) -> Pixels:
-        with warnings.catch_warnings():
-            # Pillow warns of sizes beyond our own limit, which we turn into an error anyway.
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(io.BytesIO(self.content), formats=_FORMATS)
+    def _decoded(self) -> tuple[Pixels, bool]:
+        image = opened(self.content)
         width, height = image.size
         if max(width, height) > TEXTURE_SIDE_MAX or width * height > TEXTURE_PIXELS_MAX:
             bound = f"{TEXTURE_SIDE_MAX} a side and {TEXTURE_PIXELS_MAX} pixels"
             raise bad_file(self.scene_file, f"{self.what} has {width} x {height} pixels, over {bound}", "make it smaller")
-        if image.mode.startswith(("I", "F")):
-            # 16 bits a channel: Pillow's own conversion would cut off instead of scaling.
-            grey = np.clip(np.asarray(image).astype(np.float64) / 257.0 + 0.5, 0, 255).astype(np.uint8)
-            return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
-        return np.asarray(image.convert("RGBA"))
+        return rgba_of(image, self.content)
 
 
 def _linear_table() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -76,7 +70,9 @@ def mean_linear(pixels: Pixels) -> tuple[float, float, float]:
 class TextureList:
     """The textures that materials use, each image and meaning once; every image is checked when first used."""
 
-    def __init__(self) -> None:
+    def __init__(self, left: NotCarried) -> None:
+        self._left = left
+        self._deep: set[object] = set()
         self.textures: list[SourceTexture] = []
         self._numbers: dict[tuple[object, bool], int] = {}
         self._means: dict[int, tuple[float, float, float]] = {}
@@ -86,7 +82,10 @@ class TextureList:
         number = self._numbers.get((key, srgb))
         if number is not None:
             return number
-        pixels = image.pixels()
+        pixels, deep = image.decoded()
+        if deep and key not in self._deep:
+            self._deep.add(key)
+            self._left.note("images of more than 8 bits a channel, rounded to 8")
         height, width = pixels.shape[:2]
         has_alpha = bool((pixels[..., 3] < 255).any())
         decode = partial(EncodedImage.pixels, image)

@@ -33,7 +33,7 @@ def read_obj(path: Path) -> SourceScene:
         raise bad_file(path, f"the OBJ has more than {_BYTES_MAX} bytes", "convert it to .glb")
     text = _decoded(path.read_bytes())
     left = NotCarried()
-    textures = TextureList()
+    textures = TextureList(left)
     known: dict[str, Material] = {}
     for library in dict.fromkeys(name.strip() for name in _LIBRARY.findall(text)):
         known |= _library(path, library, textures, left)
