@@ -20,7 +20,7 @@ from scenefold.scene.payloads.materials import (
     decode_materials,
     encode_materials,
 )
-from scenefold.scene.payloads.values import encode_page
+from scenefold.scene.payloads.values import decode_page, encode_page, encode_pages
 from scenefold.wire import pack_value, unpack_value
 
 unit = st.floats(0, 1)
@@ -70,8 +70,8 @@ VERSION_1: dict[str, Any] = {
 }  # fmt: skip
 
 
-@given(st.lists(materials, max_size=8))
-@settings(max_examples=40, deadline=None)
+@given(st.lists(materials, max_size=4))
+@settings(max_examples=25, deadline=None)
 def test_materials_come_back(given_materials: list[Material]) -> None:
     decoded = [material for page in encode_materials(given_materials) for material in decode_materials(page)[1]]
     assert decoded == given_materials
@@ -83,6 +83,12 @@ def test_many_materials_make_pages_in_order() -> None:
     assert len(pages) > 1 and max(map(len, pages)) <= PAYLOAD_BYTES_MAX
     firsts = [decode_materials(page)[0] for page in pages]
     assert firsts == sorted(firsts) and sum(len(decode_materials(page)[1]) for page in pages) == len(many)
+
+
+def test_a_table_is_cut_before_it_is_too_long_for_one_value() -> None:
+    pages = encode_pages("long", 1, [{"numbers": [0] * 100}] * 2_500)
+    found = [decode_page(page, "long", 1, lambda fields: fields.sequence("numbers", 100)) for page in pages]
+    assert sum(len(items) for _, items in found) == 2_500 and max(map(len, pages)) <= PAYLOAD_BYTES_MAX
 
 
 def test_a_name_without_utf8_is_stored_with_question_marks() -> None:

@@ -83,6 +83,7 @@ class ImportPlan:
         self._lattice = geometry_lattice(*self._cube)
         self._cameras = source.cameras or [framing_camera(*self._world)]
         self._emitters = Emitters(source.materials)
+        self._material_pages = encode_materials(source.materials)
         self._check_table_sizes()
         self._groups: NDArray[np.void] = self._empty_groups()
         self._atoms: list[NDArray[np.void]] = []
@@ -148,7 +149,7 @@ class ImportPlan:
             )
         # Generous: atoms of 350 triangles, pages half full, long names.
         pages = lights // LIGHTS_OF_A_PAGE + len(self._instances) // 1_000 + self.triangles // 350 // 600
-        pages += len(self._runs) // 600 + len(encode_materials(self._source.materials)) + self._tiles() // 1_000 + 16
+        pages += len(self._runs) // 600 + len(self._material_pages) + self._tiles() // 1_000 + 16
         pages += (len(self._source.textures) + len(self._cameras) + len(self._source.punctual)) // 20
         if pages > TABLE_PAGES_MAX:
             raise LocalFault(f"{self._source.name} is too large for one scene", remedy="split it into several scenes")
@@ -237,7 +238,9 @@ class ImportPlan:
         atoms = np.concatenate(self._atoms)
         atoms["location"] = np.array(self._places["atoms"], "V20")
         lights = self._emitters.table(self._instances)
-        pages = table_pages(self._source, self._cameras, self._groups, atoms, self._instances, lights, self._places["tiles"])
+        pages = table_pages(
+            self._source, self._cameras, self._groups, atoms, self._instances, lights, self._places["tiles"], self._material_pages
+        )
         self._content = content_hash(page for name in TABLES for page in pages[name])
         copies = np.bincount(self._instances["prototype"], minlength=int(self._groups["prototype"].max()) + 1)
         instanced = (self._groups["triangles"].astype(np.int64) * copies[self._groups["prototype"]]).sum()

@@ -14,7 +14,6 @@ from scenefold.scene.payloads.cameras import Camera, encode_cameras
 from scenefold.scene.payloads.groups import encode_groups, page_bounds
 from scenefold.scene.payloads.instances import INSTANCES_OF_A_PAGE, encode_instances
 from scenefold.scene.payloads.light_table import LIGHTS_OF_A_PAGE, encode_lights
-from scenefold.scene.payloads.materials import encode_materials
 from scenefold.scene.payloads.punctual import encode_punctual
 from scenefold.scene.payloads.textures import Texture, encode_textures
 
@@ -27,15 +26,16 @@ def table_pages(
     instances: NDArray[np.void],
     lights: NDArray[np.void],
     tiles: list[Location],
+    materials: list[bytes],
 ) -> dict[str, list[bytes]]:
-    """Payloads of all pages by the name of their table."""
+    """Payloads of all pages by the name of their table. Those of materials are made already."""
     return {
         "groups": _group_pages(groups, atoms),
         "instances": [
             encode_instances(first, instances[first : first + INSTANCES_OF_A_PAGE])
             for first in range(0, len(instances), INSTANCES_OF_A_PAGE)
         ],
-        "materials": encode_materials(source.materials),
+        "materials": materials,
         "textures": encode_textures(_heads(source, tiles)),
         "cameras": encode_cameras(cameras),
         "punctual": encode_punctual(source.punctual),

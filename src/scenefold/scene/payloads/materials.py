@@ -162,24 +162,23 @@ def decode_materials(payload: bytes) -> tuple[int, list[Material]]:
 
 
 def _to_map(material: Material) -> dict[str, Any]:
-    plain: dict[str, Any] = {"name": shorten(material.name)}
-    for key in _COLOURS:
-        plain[key] = [float(value) for value in getattr(material, key)]
-    for key in _NUMBERS:
-        plain[key] = float(getattr(material, key))
-    for key in _FLAGS:
-        plain[key] = bool(getattr(material, key))
-    plain["attenuation_distance"] = float(material.attenuation_distance)
-    plain["alpha_mode"] = int(material.alpha_mode)
-    told = {key: value for key, value in plain.items() if value != _DEFAULTS.get(key)}
-    return told | {f"{slot}_texture": use.row() for slot, use in material.uses()}
+    told: dict[str, Any] = {"name": shorten(material.name)}
+    for key, default in _DEFAULTS:
+        value = getattr(material, key)
+        if value == default:
+            continue
+        if key in _COLOURS:
+            told[key] = [float(number) for number in value]
+        elif key in _FLAGS:
+            told[key] = bool(value)
+        else:
+            told[key] = int(value) if key == "alpha_mode" else float(value)
+    for slot, use in material.uses():
+        told[f"{slot}_texture"] = use.row()
+    return told
 
 
-_DEFAULTS: dict[str, Any] = {
-    key: list(value) if isinstance(value, tuple) else value
-    for key in (*_COLOURS, *_NUMBERS, *_FLAGS, "attenuation_distance", "alpha_mode")
-    for value in (getattr(_NOTHING, key),)
-}
+_DEFAULTS = tuple((key, getattr(_NOTHING, key)) for key in (*_COLOURS, *_NUMBERS, *_FLAGS, "attenuation_distance", "alpha_mode"))
 
 
 def _from_fields(fields: Fields) -> Material:

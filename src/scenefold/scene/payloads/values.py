@@ -16,6 +16,8 @@ from scenefold.wire import pack_value, unpack_value
 
 Item = TypeVar("Item")
 NAME_LETTERS_MAX = 256
+_ITEMS_TRIED = 2_000
+"""No page holds more: a value has bounds of its own, which a long table would meet before it is cut."""
 
 
 class Fields:
@@ -106,9 +108,10 @@ def encode_pages(kind: str, version: int, items: Sequence[dict[str, Any]], *, fi
     """As few pages as simple halving finds, each small enough for a record; none without items."""
     if not items:
         return []
-    payload = encode_page(kind, version, first, items)
-    if len(payload) <= PAYLOAD_BYTES_MAX:
-        return [payload]
+    if len(items) <= _ITEMS_TRIED:
+        payload = encode_page(kind, version, first, items)
+        if len(payload) <= PAYLOAD_BYTES_MAX:
+            return [payload]
     assert len(items) > 1, f"one item of kind {kind} is larger than a record"
     half = len(items) // 2
     return [
