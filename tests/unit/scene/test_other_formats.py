@@ -11,7 +11,7 @@ import pytest
 from scenefold.base.errors import LocalFault
 from scenefold.scene.importers import plan_import, read_scene
 from scenefold.scene.importers.polygons import clip_ears
-from scenefold.scene.payloads.materials import AlphaMode, TextureUse
+from scenefold.scene.payloads.materials import AlphaMode, TextureUse, Wrap
 from unit.scene.gltf_maker import png
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -51,14 +51,18 @@ newmtl lamp\nKe 4 3 2\nKd 0.5 0.5 0.5\nnewmtl pane\nd 0.25\nillum 4\nNi 1.33\nne
     by_name = {scene.materials[part.material].name: part for part in scene.meshes[0]}
     assert set(by_name) == {"old wood", "lamp", "pane", "gauze", "grey"}
     material = {material.name: material for material in scene.materials}
-    assert material["old wood"].base_color_texture == TextureUse(0) and material["old wood"].base_color[:3] == (1, 1, 1)
+    assert material["old wood"].base_color_texture == TextureUse(0, 0, Wrap.CLAMP, Wrap.CLAMP) and material["old wood"].base_color[:3] == (
+        1,
+        1,
+        1,
+    )
     assert material["old wood"].roughness == pytest.approx(0.02**0.25)
     assert material["lamp"].emissive == (4, 3, 2)
     assert (material["pane"].transmission, material["pane"].ior) == (0.75, 1.33)
     assert material["gauze"].alpha_mode is AlphaMode.BLEND and material["gauze"].base_color[3] == 0.5
     assert by_name["lamp"].uvs is None and by_name["old wood"].uvs is not None
-    # The picture's first row is its top; an OBJ's v runs upwards.
-    assert sorted(by_name["old wood"].uvs[:, 1].tolist()) == [0, 1, 1]
+    # The picture's first row is its top; an OBJ's v runs upwards, and is scaled by 2 from the lower edge on.
+    assert sorted(by_name["old wood"].uvs.tolist()) == [[0, 1], [2, -1], [2, 1]]
     assert any("grey instead (1)" in line for line in scene.not_carried)
 
 

@@ -8,12 +8,13 @@ each texture's use keep its own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefold.scene.payloads.materials import TEXTURE_SLOTS
+from scenefold.scene.payloads.materials import TEXTURE_SLOTS, Material
 from scenefold.scene.payloads.texture_uses import IDENTITY, UV_SETS, TextureUse, Transform, Wrap
 
 
@@ -67,3 +68,12 @@ def settle(readings: Mapping[str, Reading]) -> tuple[tuple[CoordinateSet, ...], 
             transform = IDENTITY if reading.transform == sets[place].transform else reading.transform
             uses[slot] = TextureUse(reading.texture, place, reading.wrap_s, reading.wrap_t, reading.nearest, transform)
     return tuple(sets), uses
+
+
+def without_common_transform(material: Material) -> tuple[Material, CoordinateSet]:
+    """A material whose textures all read set 0, and the set with the transform baked in that all have, if they have one."""
+    transforms = {use.transform for _, use in material.uses()}
+    if len(transforms) != 1:
+        return material, CoordinateSet(0)
+    bare: dict[str, Any] = {f"{slot}_texture": replace(use, transform=IDENTITY) for slot, use in material.uses()}
+    return replace(material, **bare), CoordinateSet(0, transforms.pop())

@@ -6,8 +6,8 @@ Only image_modes.py knows Pillow.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -52,6 +52,17 @@ class EncodedImage:
         return rgba_of(image, self.content)
 
 
+class ImageSource(Protocol):
+    """What a texture may be made of."""
+
+    @property
+    def name(self) -> str: ...
+
+    def pixels(self) -> Pixels: ...
+
+    def decoded(self) -> tuple[Pixels, bool]: ...
+
+
 def _linear_table() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     codes = np.arange(256) / 255.0
     return np.where(codes <= _SRGB_KNEE, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
@@ -77,7 +88,7 @@ class TextureList:
         self._numbers: dict[tuple[object, bool], int] = {}
         self._means: dict[int, tuple[float, float, float]] = {}
 
-    def add(self, key: object, image: EncodedImage, *, srgb: bool) -> int:
+    def add(self, key: object, image: ImageSource, *, srgb: bool) -> int:
         """The number of the texture of this image; `key` tells images apart."""
         number = self._numbers.get((key, srgb))
         if number is not None:
@@ -88,8 +99,7 @@ class TextureList:
             self._left.note("images of more than 8 bits a channel, rounded to 8")
         height, width = pixels.shape[:2]
         has_alpha = bool((pixels[..., 3] < 255).any())
-        decode = partial(EncodedImage.pixels, image)
-        self.textures.append(SourceTexture(image.name, width, height, srgb, has_alpha, decode))
+        self.textures.append(SourceTexture(image.name, width, height, srgb, has_alpha, image.pixels))
         self._numbers[key, srgb] = len(self.textures) - 1
         return len(self.textures) - 1
 

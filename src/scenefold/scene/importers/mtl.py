@@ -1,25 +1,34 @@
 """Material libraries of OBJ files, taken over as metallic-roughness as well as Phong's words allow.
 
 Kd is the base colour, Ke the emission; the exponent Ns becomes a roughness whose highlight is as wide
-(alpha = sqrt(2 / (Ns + 2)), roughness = sqrt(alpha)); Pr and Pm, where given, are roughness and metallic. A
-dissolve below 1 is glass for the illumination models that refract (4, 6, 7, 9), else plain transparency.
+(alpha = sqrt(2 / (Ns + 2)), roughness = sqrt(alpha)); Pr, Pm, Pc and Pcr, where given, are roughness, metallic, clearcoat and
+its roughness. A dissolve below 1 is glass for the illumination models that refract (4, 6, 7, 9), else plain transparency.
+
+Textures: map_Kd, map_Ke, map_Pr and map_Pm, map_d (into the base colour's alpha), norm, and bump where it holds normals.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from scenefold.base.limits import MATERIALS_MAX
-from scenefold.scene.importers.faults import bad_file, beside, readable_size
-from scenefold.scene.importers.images import EncodedImage, TextureList
+from scenefold.scene.importers.composed_images import ALPHA, BLUE, GREEN, ComposedImage, looks_like_normals
+from scenefold.scene.importers.faults import bad_file, readable_size
+from scenefold.scene.importers.images import TextureList
+from scenefold.scene.importers.mtl_maps import MapStatement, read_map
 from scenefold.scene.importers.source import NotCarried
-from scenefold.scene.payloads.materials import AlphaMode, Material, TextureUse
+from scenefold.scene.payloads.materials import AlphaMode, Material
 
+CLAMPED = "OBJ material numbers outside their range, moved to its end"
 _BYTES_MAX = 64 * 1024 * 1024
 _REFRACTING = {4, 6, 7, 9}
-_OPTIONS = {"-blendu": 1, "-blendv": 1, "-clamp": 1, "-bm": 1, "-mm": 2, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1}
-_TURNS = ("-o", "-s", "-t")
+_EMISSION_MAX = 1e12
+_STRENGTH_MAX = 1e6
+_IOR_MAX = 100.0
+_MAPS_LEFT = ("map_ks", "map_ns", "map_ka", "map_ps", "map_pc", "map_pcr", "disp", "map_disp", "decal", "map_refl", "refl")
+_LEFT = ("tf", "ps", "aniso", "anisor")
 
 
 def read_mtl(path: Path, textures: TextureList, left: NotCarried) -> dict[str, Material]:
@@ -38,41 +47,117 @@ def read_mtl(path: Path, textures: TextureList, left: NotCarried) -> dict[str, M
             current[words[0].lower()] = words[1:]
     if len(sections) >= MATERIALS_MAX:
         raise bad_file(path, f"the material library has more than {MATERIALS_MAX} materials")
-    return {name: _Section(path, name, fields).material(textures, left) for name, fields in sections.items()}
+    return {name: _Section(path, name, fields, textures, left).material() for name, fields in sections.items()}
 
 
 class _Section:
     """The lines under one newmtl."""
 
-    def __init__(self, path: Path, name: str, fields: dict[str, list[str]]) -> None:
+    def __init__(self, path: Path, name: str, fields: dict[str, list[str]], textures: TextureList, left: NotCarried) -> None:
         self._path = path
         self._name = name
         self._fields = fields
+        self._textures = textures
+        self._left = left
 
-    def material(self, textures: TextureList, left: NotCarried) -> Material:
-        red, green, blue = self._colour("kd", (0.8, 0.8, 0.8))
-        texture = self._texture(textures)
-        opacity = min(max(1.0 - self._number("tr", 0.0) if "d" not in self._fields else self._number("d", 1.0), 0.0), 1.0)
-        refracts = opacity < 1 and int(min(max(self._number("illum", 2), 0), 99)) in _REFRACTING
-        shade = self._number("ns", 0.0)
-        alpha = math.sqrt(2.0 / (min(max(shade, 0.0), 1e6) + 2.0))
-        for key in ("map_bump", "bump", "norm", "map_ks", "map_ns", "map_d", "map_ke", "disp", "map_refl", "refl"):
-            left.note(f"OBJ material maps {key}", int(key in self._fields))
-        emission = tuple(min(max(value, 0.0), 1e12) for value in self._colour("ke", (0.0, 0.0, 0.0)))
-        return Material(
+    def material(self) -> Material:
+        for key in _MAPS_LEFT:
+            self._left.note(f"OBJ material maps {key}", int(key in self._fields))
+        for key in _LEFT:
+            self._left.note(f"OBJ material statements {key}", int(key in self._fields))
+        alpha = math.sqrt(2.0 / (min(max(self._number("ns", 0.0), 0.0), 1e6) + 2.0))
+        surface = Material(
             name=self._name,
-            # A texture replaces the colour: files leave Kd at black or grey beside it.
-            base_color=(1.0, 1.0, 1.0, 1.0 if refracts else opacity) if texture >= 0
-            else (_unit(red), _unit(green), _unit(blue), 1.0 if refracts else opacity),
-            base_color_texture=TextureUse(texture) if texture >= 0 else None,
-            metallic=_unit(self._number("pm", 0.0)),
-            roughness=_unit(self._number("pr", math.sqrt(alpha))),
-            emissive=(emission[0], emission[1], emission[2]),
-            transmission=1.0 - opacity if refracts else 0.0,
-            ior=min(max(self._number("ni", 1.5), 1.0), 100.0),
+            metallic=self._unit("pm", 0.0),
+            roughness=self._unit("pr", math.sqrt(alpha)),
+            clearcoat=self._unit("pc", 0.0),
+            clearcoat_roughness=self._unit("pcr", 0.0),
+            ior=min(max(self._number("ni", 1.5), 1.0), _IOR_MAX),
             double_sided=True,
-            alpha_mode=AlphaMode.BLEND if opacity < 1 and not refracts else AlphaMode.OPAQUE,
-        )  # fmt: skip
+        )
+        return self._bent(self._shining(self._rough(self._coloured(surface))))
+
+    # --- one part of a surface after the other
+
+    def _coloured(self, surface: Material) -> Material:
+        """Base colour and what passes."""
+        colour = self._colour("kd", (0.8, 0.8, 0.8))
+        opacity = 1.0 - self._unit("tr", 0.0) if "d" not in self._fields else self._unit("d", 1.0)
+        refracts = opacity < 1 and int(min(max(self._number("illum", 2), 0), 99)) in _REFRACTING
+        base, hole = self._map("map_kd"), self._map("map_d")
+        red, green, blue = ((1.0, 1.0, 1.0) if base else (min(max(value, 0.0), 1.0) for value in colour))  # fmt: skip
+        surface = replace(
+            surface,
+            # A texture replaces the colour: files leave Kd at black or grey beside it.
+            base_color=(red, green, blue, 1.0 if refracts else opacity),
+            transmission=1.0 - opacity if refracts else 0.0,
+            alpha_mode=AlphaMode.BLEND if (opacity < 1 and not refracts) or hole else AlphaMode.OPAQUE,
+        )
+        shown = base or hole
+        if shown is None:
+            return surface
+        if hole is None:
+            number = self._textures.add(shown.key, shown.image, srgb=True)
+        else:
+            image = ComposedImage(base.image if base else None, ((ALPHA, hole.image),))
+            number = self._textures.add((base.key if base else "", "alpha", hole.key), image, srgb=True)
+        return replace(surface, base_color_texture=shown.use(number))
+
+    def _rough(self, surface: Material) -> Material:
+        """Roughness in green and metallic in blue of one image."""
+        rough, metal = self._map("map_pr"), self._map("map_pm")
+        shown = rough or metal
+        if shown is None:
+            return surface
+        named = [(channel, found) for channel, found in ((GREEN, rough), (BLUE, metal)) if found is not None]
+        image = ComposedImage(None, tuple((channel, found.image) for channel, found in named))
+        number = self._textures.add(tuple((channel, found.key) for channel, found in named), image, srgb=False)
+        return replace(
+            surface,
+            metallic_roughness_texture=shown.use(number),
+            roughness=self._unit("pr", 1.0) if rough else surface.roughness,
+            metallic=self._unit("pm", 1.0) if metal else surface.metallic,
+        )
+
+    def _shining(self, surface: Material) -> Material:
+        red, green, blue = (min(max(value, 0.0), _EMISSION_MAX) for value in self._colour("ke", (0.0, 0.0, 0.0)))
+        shown = self._map("map_ke")
+        if shown is None:
+            return replace(surface, emissive=(red, green, blue))
+        number = self._textures.add(shown.key, shown.image, srgb=True)
+        return replace(
+            surface,
+            # Files leave Ke out, or black, beside a texture.
+            emissive=(red, green, blue) if max(red, green, blue) > 0 else (1.0, 1.0, 1.0),
+            emissive_texture=shown.use(number),
+            emissive_mean=self._textures.mean(number),
+        )
+
+    def _bent(self, surface: Material) -> Material:
+        """Normals: as such, or where exporters write them too; heights stay behind."""
+        shown = self._map("norm")
+        for key in ("map_bump", "bump"):
+            other = self._map(key)
+            if shown is None and other is not None and looks_like_normals(other.image.pixels()):
+                shown = other
+            elif other is not None:
+                self._left.note(f"OBJ material maps {key}")
+        if shown is None:
+            return surface
+        number = self._textures.add(shown.key, shown.image, srgb=False)
+        strength = min(max(shown.strength, -_STRENGTH_MAX), _STRENGTH_MAX)
+        return replace(surface, normal_texture=shown.use(number), normal_scale=strength)
+
+    # --- words
+
+    def _map(self, key: str) -> MapStatement | None:
+        words = self._fields.get(key)
+        return read_map(self._path, words) if words else None
+
+    def _unit(self, key: str, default: float) -> float:
+        value = self._number(key, default)
+        self._left.note(CLAMPED, int(not 0.0 <= value <= 1.0))
+        return min(max(value, 0.0), 1.0)
 
     def _number(self, key: str, default: float) -> float:
         words = self._fields.get(key)
@@ -93,31 +178,3 @@ class _Section:
         if not math.isfinite(value):
             raise bad_file(self._path, f"material {self._name!r} has {key} {word!r}, which is no number")
         return value
-
-    def _texture(self, textures: TextureList) -> int:
-        words = list(self._fields.get("map_kd", []))
-        while words and words[0].startswith("-"):
-            option = words.pop(0)
-            count = _OPTIONS.get(option, 0)
-            if option in _TURNS:
-                count = next((at for at, word in enumerate(words[:3]) if not _is_number(word)), min(len(words), 3))
-            del words[:count]
-        if not words:
-            return -1
-        name = " ".join(words)
-        target = beside(self._path, name, "the texture")
-        readable_size(target)
-        image = EncodedImage(self._path, f"the texture {name!r}", Path(name).name, target.read_bytes())
-        return textures.add(str(target), image, srgb=True)
-
-
-def _unit(value: float) -> float:
-    return min(max(value, 0.0), 1.0)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

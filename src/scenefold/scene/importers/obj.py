@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import codecs
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.limits import MATERIALS_MAX
+from scenefold.scene.importers.coordinates import CoordinateSet, without_common_transform
 from scenefold.scene.importers.faults import bad_file, beside, readable_size
 from scenefold.scene.importers.images import TextureList
 from scenefold.scene.importers.mtl import read_mtl
 from scenefold.scene.importers.polygons import FACE_OF_MANY, split_polygons
+from scenefold.scene.importers.repair import mend_uvs
 from scenefold.scene.importers.source import MeshPart, NotCarried, SourceScene
 from scenefold.scene.importers.through_trimesh import GREY, load_obj_text, mesh_part, single_mesh
 from scenefold.scene.payloads.materials import Material
@@ -55,14 +58,14 @@ def read_obj(path: Path) -> SourceScene:
         # Looked for only now: most files are good, and this takes as long as reading one.
         _check_indices(path, text)
         raise
-    materials = [GREY, *(known.get(name, GREY) for name in used)]
+    settled = [without_common_transform(material) for material in (GREY, *(known.get(name, GREY) for name in used))]
     number = {name: at for at, name in enumerate(used, start=1)}
     parts: list[MeshPart] = []
     for mesh in loaded.get("geometry", {}).values():
         material = getattr(getattr(mesh.get("visual"), "material", None), "name", None)
         part = mesh_part(path, mesh, number.get(str(material), 0), left)
-        parts.append(_without_idle_uvs(part, materials))
-    scene = single_mesh(path, parts, materials, left)
+        parts.append(_with_used_uvs(part, *settled[part.material], left))
+    scene = single_mesh(path, parts, [material for material, _ in settled], left)
     scene.textures.extend(textures.textures)
     return scene
 
@@ -85,13 +88,14 @@ def _library(path: Path, name: str, textures: TextureList, left: NotCarried) -> 
     return read_mtl(beside(path, name, "the material library"), textures, left)
 
 
-def _without_idle_uvs(part: MeshPart, materials: list[Material]) -> MeshPart:
-    if part.uvs is None or not materials[part.material].textured:
-        return MeshPart(part.positions, part.normals, None, part.triangles, part.material)
+def _with_used_uvs(part: MeshPart, material: Material, chosen: CoordinateSet, left: NotCarried) -> MeshPart:
+    if part.uvs is None or not material.textured:
+        left.note("textures on meshes without texture coordinates", int(material.textured))
+        return replace(part, uvs=None)
     # An OBJ's v runs upwards, our first row of pixels is the top.
     uvs = part.uvs.copy()
     uvs[:, 1] = 1 - uvs[:, 1]
-    return MeshPart(part.positions, part.normals, uvs, part.triangles, part.material)
+    return mend_uvs(replace(part, uvs=chosen.apply(uvs)), left)
 
 
 def _count_from_start(path: Path, text: str) -> str:

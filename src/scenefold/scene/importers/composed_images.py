@@ -1,0 +1,63 @@
+"""Images whose channels come from several files: what OBJ's materials have in one file each, ours read from one texture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenefold.scene.importers.images import EncodedImage
+from scenefold.scene.importers.source import Pixels
+
+RED, GREEN, BLUE, ALPHA = range(4)
+
+
+@dataclass(frozen=True, slots=True)
+class ComposedImage:
+    """`base` (white without one) with some channels replaced; as large as the base, or else as the first part."""
+
+    base: EncodedImage | None
+    parts: tuple[tuple[int, EncodedImage], ...]
+    """(channel, where it is taken from: an image's alpha if anything of it is clear and alpha is wanted, else its red)"""
+
+    @property
+    def name(self) -> str:
+        """The names of all files."""
+        images = ([self.base] if self.base else []) + [image for _, image in self.parts]
+        return " + ".join(dict.fromkeys(image.name for image in images))
+
+    def pixels(self) -> Pixels:
+        """u8[height, width, 4]; LocalFault if a file is no image, damaged, or too large."""
+        return self.decoded()[0]
+
+    def decoded(self) -> tuple[Pixels, bool]:
+        """The pixels, and whether some file had more than 8 bits a channel."""
+        taken = [(channel, *image.decoded()) for channel, image in self.parts]
+        if self.base is None:
+            pixels, deep = np.full_like(taken[0][1], 255), False
+        else:
+            found, deep = self.base.decoded()
+            pixels = np.array(found)
+        for channel, part, is_deep in taken:
+            pixels[..., channel] = _resized(_scalar(part, channel), pixels.shape[0], pixels.shape[1])
+            deep = deep or is_deep
+        return pixels, deep
+
+
+def looks_like_normals(pixels: Pixels) -> bool:
+    """Whether an image holds vectors that mostly point outwards, not heights: blue, and its red and green around the middle."""
+    means = pixels[..., :3].reshape(-1, 3).mean(axis=0)
+    return bool(means[BLUE] > 150 and abs(means[RED] - 128) < 40 and abs(means[GREEN] - 128) < 40 and means[BLUE] > means[RED] + 20)
+
+
+def _scalar(part: Pixels, channel: int) -> NDArray[np.uint8]:
+    return part[..., ALPHA] if channel == ALPHA and bool((part[..., ALPHA] < 255).any()) else part[..., RED]
+
+
+def _resized(values: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
+    """The nearest pixel of each place."""
+    rows = np.arange(height) * values.shape[0] // height
+    columns = np.arange(width) * values.shape[1] // width
+    nearest: NDArray[np.uint8] = values[rows[:, None], columns[None, :]]
+    return nearest
