@@ -103,6 +103,17 @@ def test_ply_and_stl(tmp_path: Path) -> None:
     assert len(triangles(write(tmp_path, "t.stl", text))) == 1
 
 
+def test_colours_of_vertices(tmp_path: Path) -> None:
+    head = PLY.replace("property float z", "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue", 1)
+    coloured = head.replace("0 0 0\n1 0 0\n0 1 0\n", "0 0 0 255 0 0\n1 0 0 0 188 0\n0 1 0 0 0 0\n")
+    scene = read_scene(write(tmp_path, "c.ply", coloured))
+    ((part,),) = scene.meshes
+    assert part.colors is not None and scene.materials[0].base_color == (1.0, 1.0, 1.0, 1.0) and scene.not_carried == []
+    # 188 is half as bright as 255.
+    assert np.allclose(part.colors[:, :3], [[1, 0, 0], [0, 0.503, 0], [0, 0, 0]], atol=1e-3) and (part.colors[:, 3] == 1).all()
+    assert any(item.payload[4] == 2 for item in plan_import(scene).items() if item.payload[:4] == b"sfga")
+
+
 BAD = {
     "index.obj": (SQUARE + "f 1 2 9\n", "vertex 9, but there are 4"),
     "zero.obj": (SQUARE + "f 0 1 2\n", "vertex 0"),

@@ -63,14 +63,15 @@ class ImageSource(Protocol):
     def decoded(self) -> tuple[Pixels, bool]: ...
 
 
-def _linear_table() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def linear_of_codes() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """float64[256]: linear light of sRGB's codes."""
     codes = np.arange(256) / 255.0
     return np.where(codes <= _SRGB_KNEE, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
 
 
 def mean_linear(pixels: Pixels) -> tuple[float, float, float]:
     """The mean of an sRGB image in linear light."""
-    table = _linear_table()
+    table = linear_of_codes()
     means = []
     for channel in range(3):
         counts = np.bincount(pixels[..., channel].ravel(), minlength=256)

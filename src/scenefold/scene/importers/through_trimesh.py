@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scenefold.base.errors import LocalFault
 from scenefold.base.limits import COORDINATE_ABS_MAX
 from scenefold.scene.importers.faults import bad_file, readable_size
+from scenefold.scene.importers.images import linear_of_codes
 from scenefold.scene.importers.repair import compact, mend_normals, mend_uvs
 from scenefold.scene.importers.size_checks import check_ply, check_stl
 from scenefold.scene.importers.source import MeshPart, NotCarried, SourceScene
@@ -21,18 +22,21 @@ from scenefold.scene.payloads.materials import Material
 
 GREY = Material(name="grey", base_color=(0.8, 0.8, 0.8, 1.0), double_sided=True)
 
+PAINTED = Material(name="painted", double_sided=True)
+"""For meshes whose vertices have the colour."""
+
 
 def read_ply(path: Path) -> SourceScene:
-    """The mesh of a PLY, in grey."""
+    """The mesh of a PLY, in the colours of its vertices, or in grey."""
     check_ply(path, readable_size(path))
     from trimesh.exchange.ply import load_ply
 
     with path.open("rb") as file:
         loaded = guarded(path, lambda: load_ply(file, skip_materials=True))
     left = NotCarried()
-    colours = ("vertex_colors", "face_colors")
-    left.note("vertex colours", int(any(loaded.get(key) is not None for key in colours)))
-    return single_mesh(path, [mesh_part(path, loaded, 0, left)], [GREY], left)
+    left.note("face colours", int(loaded.get("face_colors") is not None))
+    part = mesh_part(path, loaded, 0, left)
+    return single_mesh(path, [part], [GREY if part.colors is None else PAINTED], left)
 
 
 def read_stl(path: Path) -> SourceScene:
@@ -88,7 +92,8 @@ def mesh_part(path: Path, loaded: Mapping[str, Any], material: int, left: NotCar
         raise bad_file(path, f"a face names vertex {int(triangles.max())}, but there are {len(positions)}")
     normals = _matching(loaded.get("vertex_normals"), len(positions), 3)
     uvs = _matching(getattr(loaded.get("visual"), "uv", None), len(positions), 2)
-    part = compact(MeshPart(positions, normals, uvs, triangles.astype(np.uint32), material))
+    colors = _colors(loaded.get("vertex_colors"), len(positions), left)
+    part = compact(MeshPart(positions, normals, uvs, triangles.astype(np.uint32), material, colors=colors))
     # NaN fails this comparison too.
     if not (np.abs(part.positions) <= COORDINATE_ABS_MAX).all():
         raise bad_file(path, "a vertex has a position that is not finite, or beyond 1e9")
@@ -112,6 +117,20 @@ def _matching(values: Any, count: int, width: int) -> NDArray[np.float32] | None
         return None
     with np.errstate(over="ignore"):
         return rows.astype(np.float32)
+
+
+def _colors(values: Any, count: int, left: NotCarried) -> NDArray[np.float32] | None:
+    """float32[count, 4], linear, of bytes with 3 or 4 columns, which programs take for sRGB; alpha is 1 without."""
+    if values is None:
+        return None
+    codes = np.asarray(values)
+    if codes.dtype != np.uint8 or codes.ndim != 2 or len(codes) != count or codes.shape[1] not in (3, 4):
+        left.note("vertex colours of another kind than bytes")
+        return None
+    colors = np.ones((count, 4), np.float32)
+    colors[:, :3] = linear_of_codes()[codes[:, :3]]
+    colors[:, 3:] = codes[:, 3:4] / np.float32(255) if codes.shape[1] > 3 else 1
+    return colors
 
 
 def single_mesh(path: Path, parts: list[MeshPart], materials: list[Material], left: NotCarried) -> SourceScene:
