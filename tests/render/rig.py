@@ -1,146 +1,28 @@
-"""A job on N nodes in one process, without network: each node holds its own share, rays are handed over in memory.
-
-Scenes go the way that imports go, but with small groups, so that nodes of a small scene hold different ones.
-"""
+"""The kit's rig with `embree` in it, and single rays."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from unittest.mock import patch
-
 import numpy as np
-import numpy.typing as npt
 
-from scenefold.base.ids import NodeId, SceneId
-from scenefold.base.limits import PASS_PATHS_MAX
-from scenefold.partition import Partition, make_partition
-from scenefold.render.arrays import F32, I32, I64, U32
-from scenefold.render.content import pair_boxes, scene_arrays, share_of, worn_textures
-from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Tracer
-from scenefold.render.film import Film
+from scenefold.render.arrays import U32
 from scenefold.render.generate_kernels import SCRATCH_WORDS
-from scenefold.render.job import Job, RenderOptions
-from scenefold.render.numbers import camera_numbers, diagonal_of, job_box, job_numbers
+from scenefold.render.job import Job
+from scenefold.render.kit.rig import Flight, Rendered
+from scenefold.render.kit.rig import Rig as KitRig
+from scenefold.render.numbers import job_numbers
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.embree.cast_kernels import find_owners
 from scenefold.render.renderers.embree.renderer import EmbreeRenderer
-from scenefold.render.sealed_keys import NO_KEYS
-from scenefold.scene.importers import atoms, prototypes
-from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.importers.source import SourceScene
-from scenefold.scene.layout import GEOMETRY, TEXTURES
-from scenefold.scene.payloads.tiles import decode_tile
-from scenefold.scene.tables import SceneTables
 
-HOPS_MAX = 400
-"""Rounds of handing rays over; each is a hop of every ray."""
+__all__ = ["Flight", "Rendered", "Rig"]
 
 
-@dataclass(frozen=True)
-class Rendered:
-    """What came of a job."""
-
-    radiance: I64
-    """int64[paths, 3]"""
-    aovs: I32
-    film: Film
-    layers: dict[str, F32]
-    counters: I64
-    passed: int
-    """Rays handed over between nodes."""
-    casts: int
-    held: tuple[int, ...]
-    """Groups that each node held."""
-
-    @property
-    def beauty(self) -> F32:
-        return self.layers["beauty"]
-
-
-class Rig:
-    """A scene that can be rendered on any number of nodes."""
+class Rig(KitRig):
+    """A scene that `embree` renders on any number of nodes."""
 
     def __init__(self, source: SourceScene, group_triangles: int = 40) -> None:
-        with (
-            patch.object(atoms, "GROUP_TRIANGLES_TARGET", group_triangles),
-            patch.object(atoms, "ATOM_TRIANGLES_MAX", group_triangles // 4),
-            patch.object(prototypes, "BAKED_COPIES_TRIANGLES_MAX", 0),
-        ):
-            plan = ImportPlan(source)
-            self._records = {(item.space, item.location): item.payload for item in plan.items()}
-        document = plan.document()
-        self.tables = SceneTables.from_payloads(document, [self._records[key] for key in document.locations()])
-
-    def job(self, algorithm: str, nodes: int, partition: Partition | None = None, **options: object) -> Job:
-        """A job as the organiser makes it."""
-        asked = RenderOptions(**{"width": 24, "height": 24, "samples": 4, "algorithm": algorithm, **options})  # type: ignore[arg-type]
-        camera = self.tables.camera(asked.camera)
-        assert camera is not None
-        if partition is None:
-            _, groups, low, high = pair_boxes(self.tables)
-            partition = make_partition(
-                "voronoi" if algorithm == "voronoi" else "bounded-radial",
-                nodes,
-                np.stack(job_box(self.tables)),
-                camera.matrix[:3, 3],
-                -camera.matrix[:3, 2],
-                camera.matrix[:3, 1],
-                (low + high) * 0.5,
-                self.tables.groups.triangles[groups].astype(np.float64),
-            )
-        return Job(
-            id=7,
-            scene=SceneId(1),
-            genesis=bytes(32),
-            keys=NO_KEYS,
-            content=self.tables.document.content,
-            numeric_class=EmbreeRenderer().numeric_class(),
-            width=asked.width,
-            height=asked.height,
-            samples=asked.samples,
-            seed=asked.seed,
-            frame=0,
-            depth=asked.depth,
-            sky=asked.sky,
-            camera=camera_numbers(camera, asked.width, asked.height),
-            nodes=tuple(NodeId(index + 2) for index in range(nodes)),
-            partition=partition,
-        )
-
-    def held(self, partition: Partition, me: int) -> HeldScene:
-        """What a node holds, and nothing else."""
-        share = share_of(self.tables, partition, me)
-        groups = {
-            group: self.tables.group_atoms(group, [self._records[GEOMETRY, place] for place in self.tables.groups.locations(group)])
-            for group in share.groups
-        }
-        textures = worn_textures(self.tables, groups)
-        tiles = {
-            number: [decode_tile(self._records[TEXTURES, place]) for place in self.tables.textures[number].tiles] for number in textures
-        }
-        table = self.tables.groups
-        return HeldScene(
-            scene_arrays(self.tables, groups, tiles),
-            tuple(HeldGroup(group, int(table.prototypes[group]), int(table.triangles[group])) for group in share.groups),
-            tuple((number, int(self.tables.instances.prototypes[number])) for number in share.instances),
-        )
-
-    @contextmanager
-    def opened(self, job: Job) -> Iterator[list[OpenScene]]:
-        """The renderers of all nodes of a job."""
-        numbers = job_numbers(job, self.tables)
-        scenes = [EmbreeRenderer().open(self.held(job.partition, me), numbers, job.partition, me) for me in range(len(job.nodes))]
-        try:
-            yield list(scenes)
-        finally:
-            for scene in scenes:
-                scene.close()
-
-    def render(self, algorithm: str = "voronoi", nodes: int = 1, partition: Partition | None = None, **options: object) -> Rendered:
-        """The whole job."""
-        return self.run(self.job(algorithm, nodes, partition, **options))
+        super().__init__(source, EmbreeRenderer(), group_triangles)
 
     def fly(self, job: Job, rays: U32) -> PassSums:
         """Only these rays, each of a path of its own, from where they are."""
@@ -152,67 +34,3 @@ class Rig:
             flight = Flight([scene.tracers(1)[0] for scene in scenes], 0, len(rays))
             flight.land({int(node): rays[owners == node] for node in np.unique(owners)})
             return flight.total
-
-    def run(self, job: Job, shuffle: np.random.Generator | None = None, piece: int = 1 << 30) -> Rendered:
-        """The whole job; with `shuffle`, batches are mixed and cut into pieces of at most `piece` rays."""
-        nodes, plan = len(job.nodes), job.plan
-        stride = job_numbers(job, self.tables).stride
-        film, radiance, aovs = Film(job.width, job.height), [], []
-        counters, passed, casts = np.zeros(3, np.int64), 0, 0
-        with self.opened(job) as scenes:
-            tracers = [scene.tracers(1)[0] for scene in scenes]
-            for number in range(plan.count):
-                first, count = plan.first_path(number), plan.size(number)
-                assert count <= PASS_PATHS_MAX
-                flight = Flight(tracers, first, count)
-                flight.land(tracers[number % nodes].generate(first, count), shuffle, piece)
-                film.add(flight.total, first, stride)
-                radiance.append(flight.total.radiance)
-                aovs.append(flight.total.aovs)
-                counters += flight.total.counters
-                passed, casts = passed + flight.passed, casts + flight.casts
-        held = tuple(len(share_of(self.tables, job.partition, me).groups) for me in range(nodes))
-        layers = film.layers(diagonal_of(*job_box(self.tables)))
-        return Rendered(np.concatenate(radiance), np.concatenate(aovs), film, layers, counters, passed, casts, held)
-
-
-class Flight:
-    """One pass in the air."""
-
-    def __init__(self, tracers: list[Tracer], first: int, count: int) -> None:
-        self._tracers, self._first, self._count = tracers, first, count
-        self._sums = [PassSums.zeros(count) for _ in tracers]
-        self.passed = self.casts = 0
-
-    def land(self, waiting: dict[int, U32], shuffle: np.random.Generator | None = None, piece: int = 1 << 30) -> None:
-        """Hand rays over until none is left."""
-        created, retired, hops = sum(len(rays) for rays in waiting.values()), 0, 0
-        while waiting:
-            hops += 1
-            assert hops <= HOPS_MAX, "rays fly to and fro"
-            leaving: dict[int, list[U32]] = {}
-            for node, rays in waiting.items():
-                for batch in _pieces(rays, shuffle, piece):
-                    outcome = self._tracers[node].advance(batch, self._first, self._sums[node])
-                    created, retired = created + outcome.created, retired + outcome.retired
-                    self.casts += outcome.casts
-                    for target, some in outcome.leaving.items():
-                        assert target != node
-                        leaving.setdefault(target, []).append(some.copy())
-                        self.passed += len(some)
-            waiting = {node: np.concatenate(batches) for node, batches in leaving.items()}
-        assert created == retired
-
-    @property
-    def total(self) -> PassSums:
-        """All nodes' sums, as they travel."""
-        total = PassSums.zeros(self._count)
-        for each in self._sums:
-            total.add_bytes(each.to_bytes())
-        return total
-
-
-def _pieces(rays: U32, shuffle: np.random.Generator | None, piece: int) -> Iterator[U32]:
-    order: npt.NDArray[np.int64] = np.arange(len(rays)) if shuffle is None else shuffle.permutation(len(rays))
-    for start in range(0, len(rays), piece):
-        yield rays[order[start : start + piece]]
