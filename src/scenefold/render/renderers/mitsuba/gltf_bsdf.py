@@ -1,0 +1,163 @@
+"""glTF's metallic-roughness surface as a Mitsuba BSDF, written from the formulas of glTF 2.0, appendix B.
+
+    dielectric = mix(diffuse, specular, F_d)      F_d = f0 + (1 - f0)(1 - V.H)^5,  f0 = ((ior - 1) / (ior + 1))^2
+    metal      = specular (c + (1 - c)(1 - V.H)^5)
+    material   = mix(dielectric, metal, metallic)
+    diffuse    = c / pi,   specular = V D: GGX, height-correlated Smith, alpha = roughness^2
+
+Alpha and thin transmission (KHR_materials_transmission, infinitely thin, seen unblurred) are the null component: what
+passes straight on is 1 - a + a q c, q = transmission (1 - metallic)(1 - F_d(cosine at the geometric normal)).
+
+Normals: the shading normal is turned to the side of the geometric one that is seen, and where it looks away from the viewer the
+geometric one takes its place; no light passes a surface from one geometric side to the other, but straight on.
+Mitsuba's microfacet distribution and warps draw the directions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from scenefold.render.renderers.mitsuba.library import Mitsuba
+from scenefold.render.renderers.mitsuba.looks import Looks
+
+ALPHA_LEAST = 1e-3
+"""Smoother surfaces are rendered as this smooth (specs/09-renderer-contract.md)."""
+_HIDDEN = 1e-4
+
+
+def gltf_bsdf(mitsuba: Mitsuba, looks: Looks) -> Any:
+    """A BSDF instance of this material."""
+    return bsdf_class(mitsuba)(looks)
+
+
+_classes: dict[str, Any] = {}
+
+
+def bsdf_class(mitsuba: Mitsuba) -> Any:
+    """The class, made once a variant: what it derives from exists only then."""
+    if mitsuba.variant not in _classes:
+        _classes[mitsuba.variant] = _make_class(mitsuba)
+    return _classes[mitsuba.variant]
+
+
+def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method by method)
+    mi, dr = mitsuba.mi, mitsuba.dr
+
+    class GltfBsdf(mi.BSDF):  # type: ignore[name-defined, misc]
+        """Components: 0 straight on (null), 1 reflection."""
+
+        def __init__(self, looks: Looks) -> None:
+            mi.BSDF.__init__(self, mi.Properties("scenefold_gltf"))
+            self.looks = looks
+            both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+            self.m_components = [mi.BSDFFlags.Null | both, mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.DiffuseReflection | both]
+            self.m_flags = self.m_components[0] | self.m_components[1] if looks.may_pass else self.m_components[1]
+
+        def _frame(self, si: Any) -> tuple[Any, Any, Any]:
+            """(frame around the turned shading normal, turned geometric normal, viewer's direction in the world)."""
+            towards = si.to_world(si.wi)
+            n = dr.select(dr.dot(si.n, towards) < 0.0, -si.n, si.n)
+            s = dr.select(dr.dot(si.sh_frame.n, n) < 0.0, -si.sh_frame.n, si.sh_frame.n)
+            s = dr.select(dr.dot(s, towards) <= _HIDDEN, n, s)
+            return mi.Frame3f(s), n, towards
+
+        def _fresnel(self, f0: Any, cosine: Any) -> Any:
+            m = dr.clip(1.0 - cosine, 0.0, 1.0)
+            return f0 + (1.0 - f0) * (m * m) * (m * m) * m
+
+        def _f0(self) -> Any:
+            return dr.square((self.looks.ior - 1.0) / (self.looks.ior + 1.0))
+
+        def _passing(self, si: Any, active: Any) -> Any:
+            """What passes straight on, Color3f."""
+            base, opacity = self.looks.base(si, active), self.looks.opacity(si, active)
+            _, metallic = self.looks.roughness_metallic(si, active)
+            _, n, towards = self._frame(si)
+            q = self.looks.transmission * (1.0 - metallic) * (1.0 - self._fresnel(self._f0(), dr.dot(n, towards)))
+            return 1.0 - opacity + opacity * q * base
+
+        def _chances(self, si: Any, active: Any, v: Any) -> tuple[Any, Any]:
+            """With which probability to go straight on, and, otherwise, to sample the specular part."""
+            base = mi.luminance(self.looks.base(si, active))
+            _, metallic = self.looks.roughness_metallic(si, active)
+            straight = dr.clip(dr.mean(self._passing(si, active)), 0.0, 1.0) if self.looks.may_pass else mi.Float(0.0)
+            f_d = self._fresnel(self._f0(), v.z)
+            specular = (1.0 - metallic) * f_d + metallic * self._fresnel(base, v.z)
+            diffuse = (1.0 - metallic) * (1.0 - self.looks.transmission) * (1.0 - f_d) * base
+            share = dr.select(diffuse > 1e-9, dr.clip(specular / (specular + diffuse), 0.15, 0.95), 1.0)
+            return straight, share
+
+        def _value_and_density(self, si: Any, wo: Any, active: Any) -> tuple[Any, Any]:
+            """BSDF times cosine (Color3f) and density per steradian of reflecting into `wo`, as `sample` does it."""
+            frame, n, towards = self._frame(si)
+            out = si.to_world(wo)
+            v, l = frame.to_local(towards), frame.to_local(out)
+            base, opacity = self.looks.base(si, active), self.looks.opacity(si, active)
+            roughness, metallic = self.looks.roughness_metallic(si, active)
+            alpha = dr.maximum(roughness * roughness, ALPHA_LEAST)
+            good = active & (v.z > 0.0) & (l.z > 0.0) & (dr.dot(out, n) > 0.0)
+            h = dr.normalize(v + l)
+            cosine = dr.dot(v, h)
+            a2 = alpha * alpha
+            # The appendix's D. Mitsuba writes it so that single precision bears very smooth surfaces.
+            distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
+            d = distribution.eval(h)
+            # Smith's height-correlated visibility, V of the appendix, is G2 / (4 N.L N.V).
+            visibility = 0.5 / (l.z * dr.sqrt(dr.square(v.z) * (1.0 - a2) + a2) + v.z * dr.sqrt(dr.square(l.z) * (1.0 - a2) + a2))
+            specular = visibility * d
+            f_d = self._fresnel(self._f0(), cosine)
+            diffuse = (1.0 - f_d) * (1.0 - self.looks.transmission) * base * dr.inv_pi
+            value = (1.0 - metallic) * (diffuse + f_d * specular) + metallic * specular * self._fresnel(base, cosine)
+            straight, share = self._chances(si, active, v)
+            density = share * distribution.pdf(v, h) / (4.0 * cosine) + (1.0 - share) * l.z * dr.inv_pi
+            return dr.select(good, value * opacity * l.z, 0.0), dr.select(good, (1.0 - straight) * density, 0.0)
+
+        def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
+            """See `mi.BSDF`."""
+            frame, _, towards = self._frame(si)
+            v = frame.to_local(towards)
+            straight, share = self._chances(si, active, v)
+            roughness, _ = self.looks.roughness_metallic(si, active)
+            alpha = dr.maximum(roughness * roughness, ALPHA_LEAST)
+            passes = sample1 < straight
+            rest = (sample1 - straight) / dr.maximum(1.0 - straight, 1e-9)
+            distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
+            h, _ = distribution.sample(v, sample2)
+            l = dr.select(rest < share, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))
+            bs = dr.zeros(mi.BSDFSample3f)
+            bs.wo = dr.select(passes, -si.wi, si.to_local(frame.to_world(l)))
+            value, density = self._value_and_density(si, bs.wo, active)
+            bs.pdf = dr.select(passes, straight, density)
+            bs.eta = 1.0
+            bs.sampled_component = dr.select(passes, mi.UInt32(0), mi.UInt32(1))
+            bs.sampled_type = dr.select(passes, mi.UInt32(+mi.BSDFFlags.Null), mi.UInt32(+mi.BSDFFlags.GlossyReflection))
+            weight = dr.select(density > 0.0, value / dr.maximum(density, 1e-30), 0.0)
+            if self.looks.may_pass:
+                weight = dr.select(passes, self._passing(si, active) / dr.maximum(straight, 1e-9), weight)
+            return bs, dr.select(active, weight, 0.0)
+
+        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            """See `mi.BSDF`."""
+            return self._value_and_density(si, wo, active)[0]
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            """See `mi.BSDF`."""
+            return self._value_and_density(si, wo, active)[1]
+
+        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+            """See `mi.BSDF`."""
+            return self._value_and_density(si, wo, active)
+
+        def eval_null_transmission(self, si: Any, active: Any = True) -> Any:
+            """See `mi.BSDF`."""
+            return dr.select(active, self._passing(si, active), 0.0) if self.looks.may_pass else mi.Color3f(0.0)
+
+        def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
+            """The base colour, which the film calls albedo."""
+            return self.looks.base(si, active)
+
+        def to_string(self) -> str:
+            """See `mi.BSDF`."""
+            return f"GltfBsdf[{self.looks.number}]"
+
+    return GltfBsdf
