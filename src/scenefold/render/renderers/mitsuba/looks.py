@@ -33,7 +33,8 @@ class Looks:
         self.shines = bool((row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] > 0.0).any())
         self.double_sided = row[MaterialColumn.DOUBLE_SIDED] != 0.0
         self._mode = float(row[MaterialColumn.ALPHA_MODE])
-        self.may_pass = self._mode != 0.0 or bool(row[MaterialColumn.TRANSMISSION] > 0.0 and row[MaterialColumn.METALLIC] < 1.0)
+        wholly_metal = row[MaterialColumn.METALLIC] >= 1.0 and row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE] < 0
+        self.may_pass = self._mode != 0.0 or bool(row[MaterialColumn.TRANSMISSION] > 0.0 and not wholly_metal)
         wrap = _WRAPS[int(row[MaterialColumn.WRAP_S])]
         how = {"wrap_mode": wrap, "filter_type": "nearest" if row[MaterialColumn.NEAREST] else "bilinear"}
         base, rough = int(row[MaterialColumn.BASE_TEXTURE]), int(row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE])
