@@ -7,6 +7,8 @@ import pytest
 from scenefold.render.contract import load_renderer
 from scenefold.render.kit import Level, check_renderer, checks
 
+pytestmark = pytest.mark.timeout(300)  # the first one may have to compile everything
+
 
 @pytest.mark.parametrize("name", checks(Level.BIT))
 def test_embree_passes_at_bit_level(name: str) -> None:

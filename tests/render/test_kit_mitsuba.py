@@ -10,6 +10,7 @@ from scenefold.render.kit import Level, checks
 from scenefold.render.renderers.mitsuba import library
 
 pytestmark = [
+    pytest.mark.timeout(300),
     pytest.mark.skipif(not library.is_installed(), reason="mitsuba is not installed: it is an optional extra"),
     pytest.mark.skipif(not library.llvm_library(), reason="no LLVM: ray by ray through Python the kit would take hours"),
 ]

@@ -14,9 +14,11 @@ from scenefold.render.image_files import image_sha256
 from scenefold.render.kit.expecting import expect, expect_nothing_lost
 from scenefold.render.kit.furnace import inside_of_a_glowing_sphere
 from scenefold.render.kit.rig import Flight, Rendered, Rig
-from scenefold.render.kit.shapes import room
+from scenefold.render.kit.shapes import ball, looking, room, scene
 from scenefold.render.numbers import job_numbers
 from scenefold.render.pass_sums import PassSums
+from scenefold.scene.payloads.materials import Material
+from scenefold.scene.payloads.punctual import PunctualLight
 
 SKY = (0.1, 0.15, 0.3)
 GROUP_TRIANGLES = 12
@@ -137,8 +139,10 @@ def cells_through_light_and_wall(renderer: Renderer) -> None:
 
 def numbers_are_only_read(renderer: Renderer) -> None:
     """What a renderer is given stays as it was: others share it."""
-    rig = _room(renderer)
-    job = rig.job("voronoi", 1, sky=SKY, samples=1)
+    eye = looking((0, 0, 5), (0, 0, 0), yfov=0.5)
+    lamp = PunctualLight(kind="point", position=(1.0, 2.0, 3.0), color=(5.0, 5.0, 5.0))
+    rig = Rig(scene([[ball((0, 0, 0), 1.0, 8, 0, smooth=True)]], [Material()], [eye], punctual=[lamp]), renderer)
+    job = rig.job("voronoi", 1, sky=SKY)
     numbers, held = job_numbers(job, rig.tables), rig.held(job.partition, 0)
     arrays = {name: value for name, value in (*held.arrays._asdict().items(), *numbers._asdict().items()) if isinstance(value, np.ndarray)}
     before = {name: value.tobytes() for name, value in arrays.items()}

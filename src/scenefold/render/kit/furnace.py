@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from scenefold.render.contract import Renderer
@@ -12,8 +14,11 @@ from scenefold.render.kit.shapes import ball, grid, looking, scene
 from scenefold.scene.payloads.materials import Material
 
 TOLERANCE = 0.005
-SURFACES = ((1.0, 0.0, 1.0), (0.6, 0.0, 0.5), (1.0, 1.0, 0.3), (1.0, 1.0, 0.8), (0.8, 1.0, 0.05))
-"""(base colour, metallic, roughness)"""
+Look = tuple[float, float, float]
+"""Base colour, metallic, roughness."""
+SURFACES: tuple[Look, ...] = ((1.0, 0.0, 1.0), (0.6, 0.0, 0.5), (1.0, 1.0, 0.3), (1.0, 1.0, 0.8), (0.8, 1.0, 0.05))
+INSIDE: tuple[Look, ...] = ((0.5, 0.0, 0.4), (0.5, 1.0, 0.3), (0.8, 0.0, 0.3))
+"""Of which microfacets lose so little that compensating for it does not show."""
 _WHITE_SKY = (1.0, 1.0, 1.0)
 
 
@@ -21,13 +26,13 @@ def _surface(base: float, metallic: float, roughness: float, **more: object) -> 
     return Material(base_color=(base, base, base, 1.0), metallic=metallic, roughness=roughness, **more)  # type: ignore[arg-type]
 
 
-def spheres_under_a_white_sky(renderer: Renderer) -> None:
+def spheres_under_a_white_sky(renderer: Renderer, surfaces: Sequence[Look] = SURFACES, samples: int = 64) -> None:
     """Seen from far away a sphere shows all angles, each as often as a cosine-weighted hemisphere has it."""
     eye = looking((0, 0, 5), (0, 0, 0), kind="orthographic", ymag=1.05)
-    for base, metallic, roughness in SURFACES:
+    for base, metallic, roughness in surfaces:
         what = f"a sphere of base colour {base}, metallic {metallic}, roughness {roughness} under a white sky"
         rig = Rig(scene([[ball((0, 0, 0), 1.0, 40, 0, smooth=True)]], [_surface(base, metallic, roughness)], [eye]), renderer, 200)
-        image = rig.render(width=48, height=48, samples=64, sky=_WHITE_SKY)
+        image = rig.render(width=48, height=48, samples=samples, sky=_WHITE_SKY)
         expect_nothing_lost(image, what)
         hit = image.aovs[:, 7] == 1
         expect(0.65 < hit.mean() < 0.72, f"{what}: {hit.mean():.3f} of the paths hit it, expected 0.69 (aovs, the last column)")
@@ -50,17 +55,17 @@ def a_plane_under_a_grey_sky(renderer: Renderer) -> None:
     expect_mean(image, np.array(sky) * low * (1 - TOLERANCE), np.array(sky) * high * (1 + TOLERANCE), "a plane under a grey sky")
 
 
-def inside_of_a_glowing_sphere(renderer: Renderer, nodes: int = 1) -> None:
+def inside_of_a_glowing_sphere(renderer: Renderer, nodes: int = 1, surfaces: Sequence[Look] = INSIDE, samples: int = 256) -> None:
     """Radiance is 1 wherever one looks: what the wall glows, and what it gives back of that, again and again (after pbrt's analytic scenes)."""
-    for base, metallic, roughness in ((0.5, 0.0, 0.4), (0.5, 1.0, 0.3), (0.8, 0.0, 0.3)):
+    for base, metallic, roughness in surfaces:
         what = f"inside of a sphere of base colour {base}, metallic {metallic}, roughness {roughness}, on {nodes} nodes"
         glow = 1.0 - mean_albedo(base, metallic, roughness)[0]
         wall = _surface(base, metallic, roughness, emissive=(glow, glow, glow))
         eye = looking((0.1, 0.2, 0.0), (1.0, 0.1, 0.3), yfov=1.5)
         rig = Rig(scene([[ball((0, 0, 0), 1.0, 24, 0, inwards=True)]], [wall], [eye]), renderer, 100)
-        image = rig.render("voronoi", nodes, width=24, height=24, samples=256, depth=32)
+        image = rig.render("voronoi", nodes, width=24, height=24, samples=samples, depth=32)
         expect_nothing_lost(image, what)
-        expect_mean(image, np.full(3, 0.975), np.full(3, 1.025), what)
+        expect_mean(image, np.full(3, 0.975), np.full(3, 1.025), what, noise_max=0.04)
 
 
 STATISTICAL = {
