@@ -2,7 +2,7 @@
 # make PYTHON=/path/to/python3 ... chooses which one.
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint format bench docs clean distclean
+.PHONY: help install demo test test-render lint format bench docs clean distclean
 
 BIN := .venv/bin
 # One test more at once than there are cores, up to four, since those with real nodes wait a lot; those of one file follow each other in one process.
@@ -21,6 +21,7 @@ check = $(if $(filter ready,$(firstword $(1))),,$(error $(or $(1),cannot make .v
 help: ## this list
 	@echo 'make demo    five nodes on this machine render the sample scene into demo-output/'
 	@echo 'make test    lint, then all tests'
+	@echo 'make test-render  the long forms of the tests of images, and Mitsuba through the kit'
 	@echo 'make install .venv with scenectl in it'
 	@echo 'make lint    ruff, mypy --strict, import-linter'
 	@echo 'make format  let ruff arrange the code'
@@ -38,6 +39,11 @@ demo:
 test: export PYTHONDONTWRITEBYTECODE =
 test: lint
 	$(call ready,dev)$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER)
+
+# Minutes of furnaces, samplers and analytic scenes, and the renderer that needs an extra.
+test-render: export PYTHONDONTWRITEBYTECODE =
+test-render:
+	$(call ready,dev mitsuba)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/render/test_at_length.py tests/render/test_kit.py tests/render/test_kit_mitsuba.py tests/render/test_furnace.py
 
 lint:
 	$(call ready,dev)$(BIN)/ruff check --quiet

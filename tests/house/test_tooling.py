@@ -46,7 +46,7 @@ def test_pins_are_names_and_versions_only() -> None:
         assert line.startswith("#") or re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!]+", line), line
 
 
-@pytest.mark.parametrize("target", ["help", "install", "demo", "test", "lint", "bench", "docs", "clean"])
+@pytest.mark.parametrize("target", ["help", "install", "demo", "test", "test-render", "lint", "bench", "docs", "clean"])
 def test_make_has(target: str) -> None:
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
 
