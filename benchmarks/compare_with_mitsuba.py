@@ -1,0 +1,165 @@
+"""The images of `embree` beside those of Mitsuba 3, from the same scene and with the same models.
+
+    python benchmarks/compare_with_mitsuba.py cornell bmw27.glb --sky 0.37,0.44,0.5 --size 192x108 --output compared
+
+A scene file is imported into memory. `embree` renders it through the contract; Mitsuba renders its triangles, materials and lights with
+its own sensor, box filter, sampler and `volpath` integrator, and with glTF's surface as a BSDF written from glTF 2.0, appendix B
+(renderers/mitsuba/gltf_bsdf.py). No line is common between record and film. Both are taken in batches of different seeds, whose spread says how sure they are.
+It prints a table (or JSON) and writes ours, theirs and the difference as PNG. Ends with 77 and a reason where Mitsuba is missing.
+
+Between both images one thing differs by design: a tint that is not grey costs ours a segment of the path, and theirs none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trio
+from PIL import Image
+
+from image_judge import Estimate, difference_image, judge, of_batches
+from scenefold.base.errors import LocalFault
+from scenefold.base.kernel_cache import use_kernel_cache
+from scenefold.render.contract import load_renderer
+from scenefold.render.film import Film
+from scenefold.render.image_files import Layer, automatic_exposure, display_bytes
+from scenefold.render.in_memory import OneNodeJob, one_node_job
+from scenefold.render.job import RenderOptions
+from scenefold.render.numbers import job_numbers
+from scenefold.render.pass_sums import PassSums
+from scenefold.render.renderers.mitsuba.library import Mitsuba, load
+from scenefold.render.renderers.mitsuba.scenes import scene_of
+from scenefold.render.renderers.mitsuba.views import integrator_of, sensor_of
+from scenefold.scene.cornell import cornell_box
+from scenefold.world import offline_world
+
+SKIPPED = 77
+
+
+def main() -> int:
+    options = _options()
+    use_kernel_cache()
+    try:
+        mitsuba = load()
+    except LocalFault as fault:
+        print(f"skipped: {fault}", file=sys.stderr)
+        return SKIPPED
+    folder = Path(options.output)
+    folder.mkdir(parents=True, exist_ok=True)
+    reports = []
+    for scene in options.scenes:
+        report = _compare(mitsuba, scene, options, folder)
+        reports.append(report)
+        print(json.dumps(report) if options.json else _line(report), flush=True)
+    return 0
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("scenes", nargs="+", help="scene files, or cornell")
+    parser.add_argument("--size", default="128x72", help="pixels, width x height")
+    parser.add_argument("--samples", type=int, default=512, help="of each renderer, per pixel")
+    parser.add_argument("--batches", type=int, default=32, help="into which the samples are cut")
+    parser.add_argument("--depth", type=int, default=8)
+    parser.add_argument("--sky", default="0,0,0", help="radiance, three numbers")
+    parser.add_argument("--camera", default=None)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--output", default="compared", help="folder of the images")
+    parser.add_argument("--json", action="store_true")
+    return parser.parse_args()
+
+
+def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    width, height = (int(side) for side in options.size.split("x"))
+    red, green, blue = (float(channel) for channel in options.sky.split(","))
+    asked = RenderOptions(
+        width=width, height=height, samples=options.samples, seed=options.seed, depth=options.depth,
+        sky=(red, green, blue), camera=options.camera,
+    )  # fmt: skip
+    one = _import(scene, asked)
+    begun = time.perf_counter()
+    ours = _ours(one, options.batches)
+    between = time.perf_counter()
+    theirs = _theirs(mitsuba, one, options.batches)
+    ended = time.perf_counter()
+    name = "cornell" if scene == "cornell" else Path(scene).stem
+    if options.camera:
+        name += f"-{options.camera}"
+    stops = automatic_exposure(theirs.mean.astype(np.float32))
+    for kind, estimate in (("ours", ours), ("theirs", theirs)):
+        Image.fromarray(display_bytes(estimate.mean.astype(np.float32), stops)).save(folder / f"{name}-{kind}.png")
+    Image.fromarray(difference_image(ours, theirs)).save(folder / f"{name}-difference.png")
+    seconds = {"seconds_ours": between - begun, "seconds_theirs": ended - between}
+    return {
+        "scene": name,
+        "variant": mitsuba.variant,
+        "size": [width, height],
+        "samples": options.samples,
+        **judge(ours, theirs),
+        **seconds,
+    }
+
+
+def _import(scene: str, asked: RenderOptions) -> OneNodeJob:
+    numeric_class = load_renderer("embree").numeric_class()
+    with tempfile.TemporaryDirectory(prefix="compared-") as place:
+        file = Path(scene)
+        if scene == "cornell":
+            file = Path(place) / "cornell.glb"
+            file.write_bytes(cornell_box())
+        return trio.run(partial(one_node_job, file, asked, numeric_class, offline_world().workers))
+
+
+def _ours(one: OneNodeJob, batches: int) -> Estimate:
+    """Batches differ in their seeds, for samples of one seed may depend on one another."""
+    each = max(1, one.loaded.numbers.samples // batches)
+    return of_batches(np.array([_image(one, one.job.seed + number, each) for number in range(batches)], np.float64))
+
+
+def _image(one: OneNodeJob, seed: int, samples: int) -> Layer:
+    job = replace(one.job, seed=seed, samples=samples)
+    numbers, plan = job_numbers(job, one.loaded.tables), job.plan
+    opened = load_renderer("embree").open(one.loaded.held, numbers, job.partition, 0)
+    (tracer,) = opened.tracers(1)
+    film = Film(numbers.width, numbers.height)
+    for number in range(plan.count):
+        first, count = plan.first_path(number), plan.size(number)
+        sums = PassSums.zeros(count)
+        for rays in tracer.generate(first, count).values():
+            tracer.advance(rays, first, sums)
+        film.add(sums, first, numbers.stride)
+    opened.close()
+    return film.layers(1.0)["beauty"]
+
+
+def _theirs(mitsuba: Mitsuba, one: OneNodeJob, batches: int) -> Estimate:
+    numbers = one.loaded.numbers
+    scene = scene_of(mitsuba, one.loaded.held, numbers)
+    sensor, integrator = sensor_of(mitsuba, numbers), integrator_of(mitsuba, numbers.depth)
+    each = max(1, numbers.samples // batches)
+    images = [np.array(mitsuba.mi.render(scene, sensor=sensor, integrator=integrator, spp=each, seed=number)) for number in range(batches)]
+    return of_batches(np.array(images, np.float64)[..., :3])
+
+
+def _line(report: dict[str, Any]) -> str:
+    worst = report["worst_block"]
+    return (
+        f"{report['scene']:28} mean {report['mean']:.4g}  difference {report['luminance_difference_percent']:+.3f} % "
+        f"(error {report['standard_error_percent']:.3f} %)  rejected {report['rejected_percent']:.1f} % of {report['noisy_pixels']} pixels, "
+        f"{report['rejected_percent_blocks']:.1f} % of blocks; beyond 3.29: {report['far_off_percent']:.2f} %; "
+        f"quiet that differ {report['quiet_pixels_that_differ']}; worst block z {worst['z']:+.1f} at {worst['x']},{worst['y']}; "
+        f"{report['seconds_ours']:.0f} s and {report['seconds_theirs']:.0f} s"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
