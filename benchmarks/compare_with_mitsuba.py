@@ -29,16 +29,18 @@ from PIL import Image
 from image_judge import Estimate, difference_image, judge, of_batches
 from scenefold.base.errors import LocalFault
 from scenefold.base.kernel_cache import use_kernel_cache
+from scenefold.render.arrays import F32
 from scenefold.render.contract import load_renderer
+from scenefold.render.developing import develop
 from scenefold.render.film import Film
-from scenefold.render.image_files import Layer, automatic_exposure, display_bytes
 from scenefold.render.in_memory import OneNodeJob, one_node_job
 from scenefold.render.job import RenderOptions
-from scenefold.render.numbers import job_numbers
+from scenefold.render.numbers import job_box, job_numbers
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.mitsuba.library import Mitsuba, load
 from scenefold.render.renderers.mitsuba.scenes import scene_of
 from scenefold.render.renderers.mitsuba.views import integrator_of, sensor_of
+from scenefold.render.view import automatic_exposure, shown
 from scenefold.scene.cornell import cornell_box
 from scenefold.world import offline_world
 
@@ -96,7 +98,7 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, folder: 
         name += f"-{options.camera}"
     stops = automatic_exposure(theirs.mean.astype(np.float32))
     for kind, estimate in (("ours", ours), ("theirs", theirs)):
-        Image.fromarray(display_bytes(estimate.mean.astype(np.float32), stops)).save(folder / f"{name}-{kind}.png")
+        Image.fromarray(shown(estimate.mean.astype(np.float32), "srgb", stops).pixels).save(folder / f"{name}-{kind}.png")
     Image.fromarray(difference_image(ours, theirs)).save(folder / f"{name}-difference.png")
     seconds = {"seconds_ours": between - begun, "seconds_theirs": ended - between}
     return {
@@ -125,7 +127,7 @@ def _ours(one: OneNodeJob, batches: int) -> Estimate:
     return of_batches(np.array([_image(one, one.job.seed + number, each) for number in range(batches)], np.float64))
 
 
-def _image(one: OneNodeJob, seed: int, samples: int) -> Layer:
+def _image(one: OneNodeJob, seed: int, samples: int) -> F32:
     job = replace(one.job, seed=seed, samples=samples)
     numbers, plan = job_numbers(job, one.loaded.tables), job.plan
     opened = load_renderer("embree").open(one.loaded.held, numbers, job.partition, 0)
@@ -138,7 +140,8 @@ def _image(one: OneNodeJob, seed: int, samples: int) -> Layer:
             tracer.advance(rays, first, sums)
         film.add(sums, first, numbers.stride)
     opened.close()
-    return film.layers(1.0)["beauty"]
+    beauty: F32 = develop(film, ("beauty",), job_box(one.loaded.tables))["beauty"]
+    return beauty
 
 
 def _theirs(mitsuba: Mitsuba, one: OneNodeJob, batches: int) -> Estimate:

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
+from scenectl.image_values import USUAL_LAYERS, CropOption, LayersOption
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
@@ -31,11 +32,15 @@ def still(
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None,
     size: SizeOption | None = None,
+    scale: Annotated[float, Parameter(validator=Number(gt=0, lte=1))] = 1.0,
+    crop: CropOption | None = None,
     seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
     depth: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     sky: ColourOption | None = None,
     camera: str | None = None,
+    layers: LayersOption = USUAL_LAYERS,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
+    view: Literal["agx", "filmic", "srgb"] = "agx",
     ignore_settings: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
@@ -66,6 +71,10 @@ def still(
         Paths for each pixel, by default 64, or as many as the scene says.
     size
         Width and height in pixels, by default 640x360, or as the scene says.
+    scale
+        For a preview: make the image so much smaller, as 0.25.
+    crop
+        Make only this part of the image: X,Y,WIDTH,HEIGHT in its pixels, from the upper left corner; it is equal to that part of the whole.
     seed
         Seed of the random numbers; the same seed gives the same image.
     depth
@@ -74,8 +83,12 @@ def still(
         Colour of a uniform sky as R,G,B, linear; without it, and unless the scene says one, only the scene's own lights shine.
     camera
         Name of the camera; by default the one that the scene says, or its default one.
+    layers
+        What the EXR file holds beside the beauty, some of emission, direct, indirect, albedo, normal, depth, position, object_id, material_id, samples and variance, with commas between; or all, or none.
     exposure
         Brightness of the PNG in stops, by default as the scene says, or the image asks; the EXR is not changed.
+    view
+        How the PNG shows light that a screen cannot: agx and filmic roll off what is bright, srgb clips it.
     ignore_settings
         Take all that is not given here as usual, whatever the scene says.
     threads
@@ -101,6 +114,7 @@ def still(
     check_own_cluster("scenectl render still", output.profile, of_a_cluster)
     png = png_beside(to)
     from scenefold.render.client import StillOptions
+    from scenefold.render.window import Window
 
     options = StillOptions(
         width=None if size is None else size.width,
@@ -112,6 +126,9 @@ def still(
         sky=None if sky is None else sky.rgb,
         camera=camera,
         exposure=exposure,
+        layers=layers.names,
+        scale=scale,
+        crop=None if crop is None else Window(*crop.numbers),
         ignore_settings=ignore_settings,
     )
     options.checked()
@@ -127,6 +144,7 @@ def still(
         options=options,
         exr=to,
         png=png,
+        view=view,
     )
     again = nullcontext() if output.profile is None else going_on("render again")
     with again, Progress(quiet=output.json) as progress:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from scenefold.client.progress import ProgressCallback
     from scenefold.render.choice import LeftOut, Renderers
     from scenefold.render.client import StillOptions, StillResult
+    from scenefold.render.view import Shown
 
 ADDRESSES_SHOWN = 8
 
@@ -41,6 +42,8 @@ class StillJob:
     options: StillOptions
     exr: Path
     png: Path
+    view: str = "agx"
+    """Of the PNG: one of `scenefold.render.view.VIEWS`."""
 
 
 @dataclass
@@ -108,7 +111,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         with phases.time("render"):
             result = await render_still(cluster, scene, job.options, _render_progress(progress), tell=partial(_tell_left_out, job))
         with phases.time("write"):
-            sha256 = await _write(cluster, job, result)
+            written = await _write(cluster, job, result)
         nodes = [node.address for node in await cluster.nodes()]
     return {
         "scene": job.scene_name,
@@ -117,9 +120,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         "records_per_node": None if imported is None else {node: imported.records_by_node.get(node, 0) for node in nodes},
         "import": None if imported is None else imported.document(),
         **result.report,
-        "image_sha256": sha256,
-        "exr": str(job.exr),
-        "png": str(job.png),
+        **written,
         "seconds": phases.seconds,
     }
 
@@ -192,18 +193,31 @@ async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
     phases.seconds["stop"] = round(time.monotonic() - stopping, 3)
 
 
-async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> str:
+async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[str, Any]:
+    """Write the files; what the report says of them."""
     from scenefold.render.image_files import image_sha256, write_exr, write_png
 
     sha256 = image_sha256(result.layers["beauty"])
     metadata = {"scenefold.scene": job.scene_name, "scenefold.image_sha256": sha256}
 
-    def write() -> None:
-        write_exr(job.exr, result.layers, metadata)
-        write_png(job.png, result.layers["beauty"], result.exposure)
+    options = result.options
 
-    await cluster.in_worker("import", write)
-    return sha256
+    def write() -> Shown:
+        write_exr(job.exr, result.layers, metadata, options.crop, (options.width, options.height))
+        return write_png(job.png, result.layers["beauty"], result.exposure, job.view)
+
+    shown = await cluster.in_worker("import", write)
+    return {
+        "image_sha256": sha256,
+        "exr": str(job.exr),
+        "size": [options.width, options.height],
+        "crop": None if options.crop is None else options.crop.row(),
+        "layers": list(result.layers),
+        "png": str(job.png),
+        "view": job.view,
+        "exposure": shown.exposure,
+        "pixels_not_finite": shown.not_finite,
+    }
 
 
 def _render_progress(progress: ProgressCallback) -> Callable[[str, int, int], None]:

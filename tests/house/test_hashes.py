@@ -22,6 +22,7 @@ DIGESTS = {
     "scenefold.peer.cluster_log.log_voter": "ids of entries that are proposed again",
     "scenefold.peer.copies.losses_note": "ids of what may have been lost",
     "scenefold.render.image_files": "names an image by its pixels",
+    "scenefold.render.numbers": "scatters a job's dice by seed and frame",
     "scenefold.render.passes": "names a path by job and number",
     "scenefold.scene.archive": "finds what was changed in a file that everybody may read",
     "scenefold.scene.importers.plan": "tells whether an import is the one that began",

@@ -31,6 +31,6 @@ class Rig(KitRig):
         scratch = np.empty(SCRATCH_WORDS, np.uint32)
         find_owners(rays, np.int32(partition.family), partition.kernel_data(), numbers.box_low, numbers.box_high, zero, owners, scratch)
         with self.opened(job) as scenes:
-            flight = Flight([scene.tracers(1)[0] for scene in scenes], 0, len(rays))
+            flight = Flight([scene.tracers(1)[0] for scene in scenes], 0, len(rays), job.columns)
             flight.land({int(node): rays[owners == node] for node in np.unique(owners)})
             return flight.total

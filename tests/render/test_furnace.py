@@ -47,7 +47,7 @@ def test_inside_of_a_glowing_sphere(base: float, roughness: float, metallic: flo
     rig = Rig(scene([[ball((0, 0, 0), 1.0, 24, 0, inwards=True)]], [wall], [eye]), 100)
     image = rig.render("voronoi", nodes, width=32, height=32, samples=128, depth=32)
     mean = image.beauty.mean(axis=(0, 1))
-    error = 4 * np.sqrt(image.film.variance().mean(axis=(0, 1)) / 32**2)
+    error = 4 * np.sqrt(image.variance.mean(axis=(0, 1)) / 32**2)
     assert (np.abs(mean / [1.0, 0.5, 2.0] - 1) < 0.01 + error).all(), mean
     assert image.counters[1:].tolist() == [0, 0]
 

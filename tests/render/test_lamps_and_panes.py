@@ -60,7 +60,7 @@ def pane(height: float) -> MeshPart:
 
 def assert_mean(image: Rendered, expected: Floats, least: float = 0.0) -> None:
     mean = image.beauty.mean(axis=(0, 1))
-    error = 4 * np.sqrt(image.film.variance().sum(axis=(0, 1))) / PIXELS**2
+    error = 4 * np.sqrt(image.variance.sum(axis=(0, 1))) / PIXELS**2
     assert (error <= 0.05 * expected + least).all(), "too few samples to tell"
     assert (np.abs(mean - expected) <= error + 1e-4 * expected).all(), (mean, expected, error)
 

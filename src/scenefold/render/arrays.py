@@ -196,15 +196,21 @@ class JobNumbers(NamedTuple):
     seed: int
     frame: int
     width: int
+    """Of the whole image."""
     height: int
     samples: int
     """Per pixel."""
     depth: int
     """Segments of a path at most, the camera ray being the first; 1..32."""
     stride: int
-    """Multiplier of the scattered pixel order; coprime to width x height."""
+    """Multiplier of the scattered pixel order; coprime to the pixels of the crop."""
     dice_low: int
     """With `dice_high`, 64 bits of (seed, frame): what all random numbers of the job follow from."""
     dice_high: int
     sampler: int
     """SAMPLER_SOBOL or SAMPLER_INDEPENDENT (dice_kernels.py)."""
+    crop_x: int
+    """The part of the image that the job makes, in its pixels; all of it: 0, 0, width, height."""
+    crop_y: int
+    crop_width: int
+    crop_height: int

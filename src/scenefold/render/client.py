@@ -6,22 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-import numpy as np
 import trio
 
-from scenefold.base.errors import PeerFault, ScenefoldError
+from scenefold.base.errors import PeerFault, ScenefoldError, UsageFault
 from scenefold.base.ids import address_of
 from scenefold.client import Cluster, Scene
 from scenefold.client.sealing import SceneIdentity
-from scenefold.render.arrays import F32
 from scenefold.render.choice import Renderers
 from scenefold.render.choosing import renderers_of
 from scenefold.render.job import RenderOptions
-from scenefold.render.pool.organiser import LAYERS
+from scenefold.render.layers import USUAL, Pixels, unpacked
 from scenefold.render.pool.request import RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
 from scenefold.render.reports import Stand, image_size, report_of, stand_of
 from scenefold.render.sealed_keys import About, seal_keys
+from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, RenderSettings, StartJob
 
@@ -51,6 +50,12 @@ class StillOptions:
     camera: str | None = None
     exposure: float | None = None
     """Of the picture for people, in stops; usually as the image asks."""
+    layers: tuple[str, ...] = USUAL
+    """Of the image, beside its beauty (`scenefold.render.layers.BESIDE`), in that order."""
+    scale: float = 1.0
+    """For a preview: the image has so much of its width and of its height, in whole pixels, as if that were its size."""
+    crop: Window | None = None
+    """The part of the image to make, in pixels of what it is before `scale`; None: all of it."""
     ignore_settings: bool = False
     """All that is None is as usual, whatever the scene's log says."""
 
@@ -62,18 +67,31 @@ class StillOptions:
         """The options of the job; UsageFault if one is out of range. `said`: what the scene's log says."""
         said, usual = self.heeded(said), RenderOptions()
         red, green, blue = _first(self.sky, said.sky, usual.sky)
+        width, height, crop = self._scaled(_first(self.width, said.width, usual.width), _first(self.height, said.height, usual.height))
         options = RenderOptions(
-            width=_first(self.width, said.width, usual.width),
-            height=_first(self.height, said.height, usual.height),
+            width=width,
+            height=height,
             samples=_first(self.samples, said.samples, usual.samples),
             seed=self.seed,
             depth=_first(self.depth, said.depth, usual.depth),
             sky=(red, green, blue),
             camera=self.camera if self.camera is not None else said.camera,
             algorithm=self.algorithm,
+            layers=self.layers,
+            crop=crop,
         )
         options.check()
         return options
+
+    def _scaled(self, width: int, height: int) -> tuple[int, int, Window | None]:
+        if not 0.0 < self.scale <= 1.0:
+            raise UsageFault(f"scale is {self.scale}", where="scale", remedy="give a number above 0, and up to 1")
+        if self.crop is not None:
+            self.crop.check(width, height)
+        if self.scale == 1.0:
+            return width, height, self.crop
+        small_width, small_height = max(round(width * self.scale), 1), max(round(height * self.scale), 1)
+        return small_width, small_height, None if self.crop is None else self.crop.scaled(self.scale, small_width, small_height)
 
 
 def _first(own: T | None, said: T | None, usual: T) -> T:
@@ -84,11 +102,13 @@ def _first(own: T | None, said: T | None, usual: T) -> T:
 class StillResult:
     """A finished image and how it came about."""
 
-    layers: dict[str, F32]
-    """beauty, albedo, normal [H, W, 3] and depth [H, W], float32, top row first."""
+    layers: dict[str, Pixels]
+    """beauty [H, W, 3] and those that were asked for, top row first; float32, or uint32 where they count or number something."""
     report: dict[str, Any]
     exposure: float | None
     """Of the picture for people, in stops; None: as the image asks."""
+    options: RenderOptions
+    """As it was rendered, with all that was not given."""
 
 
 async def render_still(
@@ -127,8 +147,8 @@ async def render_still(
         finally:
             await watch.let_go()
     exposure = options.exposure if options.exposure is not None else said.exposure
-    layers = _unpack(image, wanted.width, wanted.height)
-    return StillResult(layers, {**report, "left_out": [one.document() for one in chosen.left_out]}, exposure)
+    layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)
+    return StillResult(layers, {**report, "left_out": [one.document() for one in chosen.left_out]}, exposure, wanted)
 
 
 def _head(scene: Scene, identity: SceneIdentity) -> SceneHead:
@@ -187,15 +207,3 @@ class _Watch:
 
     async def _ask(self, packet: Packet, answer: type[A]) -> A:
         return await self._cluster.calls.ask(self._address, replace(packet), answer, timeout_s=ASK_S_MAX)
-
-
-def _unpack(image: bytes, width: int, height: int) -> dict[str, F32]:
-    """The layers of an image of just this size."""
-    layers: dict[str, F32] = {}
-    at = 0
-    for name, channels in LAYERS:
-        count = width * height * channels
-        values = np.frombuffer(image, "<f4", count, at).astype(np.float32)
-        layers[name] = values.reshape((height, width, channels) if channels > 1 else (height, width))
-        at += count * 4
-    return layers

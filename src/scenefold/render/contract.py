@@ -8,6 +8,7 @@ back those that leave. It knows no network, no clock and no other node.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any, Protocol, runtime_checkable
@@ -15,7 +16,9 @@ from typing import Any, Protocol, runtime_checkable
 from scenefold.base.errors import LocalFault
 from scenefold.partition import Partition
 from scenefold.render.arrays import U32, JobNumbers, SceneArrays
+from scenefold.render.layers import columns_of
 from scenefold.render.pass_sums import PassSums
+from scenefold.render.sum_columns import PLAIN, SumColumns
 
 ENTRY_POINTS = "scenefold.renderers"
 
@@ -98,6 +101,24 @@ class MeasuredRenderer(Renderer, Protocol):
     def measure(self, held: HeldScene, numbers: JobNumbers, partition: Partition, repetitions: int, rays_max: int) -> dict[str, Any]:
         """Trace a job of one node in this thread and time it; the report's fields are in docs/reference/scenectl.md."""
         ...
+
+
+@runtime_checkable
+class LayeredRenderer(Renderer, Protocol):
+    """A renderer that can write more than the plain columns of `PassSums`. No renderer needs to."""
+
+    def columns(self) -> SumColumns:
+        """The most that its tracers write; how many they are to write, `advance` sees by the shapes of its `sums`."""
+        ...
+
+
+def check_layers_written(renderer: Renderer, layers: Sequence[str]) -> None:
+    """LocalFault if some of these layers need columns that the renderer does not write."""
+    written = renderer.columns() if isinstance(renderer, LayeredRenderer) else PLAIN
+    missing = [name for name in layers if not columns_of((name,)).within(written)]
+    if missing:
+        what = f"the renderer does not make the layer{'s' if len(missing) > 1 else ''} {', '.join(missing)}"
+        raise LocalFault(what, where="layers", remedy="leave them out")
 
 
 def load_renderer(name: str) -> Renderer:

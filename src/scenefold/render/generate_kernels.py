@@ -16,6 +16,7 @@ from scenefold.render.dice_kernels import PAIR_PIXEL, dice_of, pair
 from scenefold.render.lane_values_kernels import alike, lane_numbers, put, real_of_whole, take
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.math_kernels import decode_direction, encode_color, encode_direction
+from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import set_t_done, write_rays
 from scenefold.render.space_kernels import box_span
 
@@ -29,19 +30,6 @@ def scattering_stride(pixels: int) -> int:
     while math.gcd(stride, pixels) != 1:
         stride += 1
     return stride
-
-
-@njit(error_model="numpy", _nrt=False, forceinline=True)
-def pixels_of(job, first_path, paths, scratch):  # type: ignore[no-untyped-def]
-    """(pixel, sample) of paths of a pass, words; first_path is the number of the pass's path 0 among all of the job."""
-    pixels = job.width * job.height
-    put(scratch, 0, paths)
-    for k in range(LANES):
-        number = first_path + np.int64(scratch[k])
-        sample = number // pixels
-        scratch[k] = np.uint32((number - sample * pixels) * job.stride % pixels)
-        scratch[LANES + k] = np.uint32(sample)
-    return take(scratch, 0), take(scratch, LANES)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)

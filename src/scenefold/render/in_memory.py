@@ -92,5 +92,7 @@ async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, w
         camera=camera_numbers(camera, options.width, options.height),
         nodes=(NodeId(1),),
         partition=partition,
+        layers=options.layers,
+        crop=options.crop,
     )
     return OneNodeJob(job, await load_share(reader, workers, job, 0))

@@ -18,8 +18,11 @@ from scenefold.base.image_limits import DEPTH_MAX, SAMPLES_MAX, SIDE_MAX, SKY_MA
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, text, whole
 from scenefold.partition import Partition
+from scenefold.render.layers import USUAL, check_layers, columns_of
 from scenefold.render.passes import PassPlan
 from scenefold.render.sealed_keys import SealedKeys
+from scenefold.render.sum_columns import SumColumns
+from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import pack_value, unpack_value
 
@@ -45,6 +48,15 @@ class RenderOptions:
     camera: str | None = None
     """Name of one of the scene's cameras; None: its default."""
     algorithm: str = "bounded-radial"
+    layers: tuple[str, ...] = USUAL
+    """Beside the beauty."""
+    crop: Window | None = None
+    """The part of the image to make; None: all of it."""
+
+    @property
+    def window(self) -> Window:
+        """What is made of the image."""
+        return self.crop or Window(0, 0, self.width, self.height)
 
     def check(self) -> None:
         """UsageFault naming the first option that is out of range."""
@@ -60,10 +72,21 @@ class RenderOptions:
                 raise UsageFault(f"{name} is {value}", where=name, remedy=f"give a whole number from {least} to {most}")
         if len(self.sky) != 3 or not all(0.0 <= channel <= SKY_MAX for channel in self.sky):
             raise UsageFault("the sky is no colour", where="sky", remedy="give three numbers from 0 to 1e9, as in 0.5,0.6,0.7")
+        check_layers(self.layers)
+        self.window.check(self.width, self.height)
         if self.algorithm not in ALGORITHMS:
             raise UsageFault(
                 f"there is no algorithm {self.algorithm!r}", where="algorithm", remedy=f"choose one of {', '.join(ALGORITHMS)}"
             )
+
+
+def layers_of_row(row: Any) -> tuple[str, ...]:
+    """Names of layers beside the beauty, as documents have them; ValueError or TypeError for anything else, UsageFault for layers that are none."""
+    if not isinstance(row, list):
+        raise TypeError("a list of layers is expected")
+    names = tuple(text(name) for name in row)
+    check_layers(names)
+    return names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,11 +114,24 @@ class Job:
     """In line order; a node's index here is its index in the partition."""
     partition: Partition
     head: SceneHead = NO_HEAD
+    layers: tuple[str, ...] = USUAL
+    """Beside the beauty."""
+    crop: Window | None = None
+
+    @property
+    def window(self) -> Window:
+        """What is made of the image."""
+        return self.crop or Window(0, 0, self.width, self.height)
+
+    @property
+    def columns(self) -> SumColumns:
+        """Of the sums of its passes."""
+        return columns_of(self.layers)
 
     @property
     def plan(self) -> PassPlan:
         """The job's passes."""
-        return PassPlan(self.id, self.width * self.height * self.samples)
+        return PassPlan(self.id, self.window.pixels * self.samples)
 
     def to_bytes(self) -> bytes:
         """The packed document."""
@@ -117,6 +153,8 @@ class Job:
                 "nodes": [int(node) for node in self.nodes],
                 "partition": self.partition.to_document(),
                 "head": self.head.row(),
+                "layers": list(self.layers),
+                "crop": None if self.crop is None else self.crop.row(),
             }
         )
 
@@ -126,7 +164,7 @@ class Job:
         document = unpack_value(payload, what="a job")
         try:
             return cls._from_map(document)
-        except (KeyError, TypeError, ValueError, struct.error) as error:
+        except (KeyError, TypeError, ValueError, UsageFault, struct.error) as error:
             raise PeerFault("a job's document is ill-formed", where=f"{type(error).__name__}: {error}") from error
 
     @classmethod
@@ -150,7 +188,10 @@ class Job:
             nodes=tuple(NodeId(whole(node, 0, 2**32 - 1)) for node in document["nodes"]),
             partition=Partition.from_document(document["partition"]),
             head=SceneHead.of_row(document["head"]),
+            layers=layers_of_row(document["layers"]),
+            crop=Window.of_row(document["crop"]),
         )
+        job.window.check(width, height)
         if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")
         if not job.keys.nodes.issuperset(job.nodes):

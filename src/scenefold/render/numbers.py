@@ -95,10 +95,14 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
         height=job.height,
         samples=job.samples,
         depth=job.depth,
-        stride=scattering_stride(job.width * job.height),
+        stride=scattering_stride(job.window.pixels),
         dice_low=dice & 0xFFFFFFFF,
         dice_high=dice >> 32,
         sampler=SAMPLER_SOBOL,
+        crop_x=job.window.x,
+        crop_y=job.window.y,
+        crop_width=job.window.width,
+        crop_height=job.window.height,
     )
 
 

@@ -1,4 +1,4 @@
-"""What one node adds up for one open pass: integers per path, in any order the same bits (rendering.md, Passes)."""
+"""What one node adds up for one open pass: integers per path, in any order the same bits (specs/08-passes.md, *Sums of a pass on a node*)."""
 
 from __future__ import annotations
 
@@ -10,28 +10,36 @@ import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.errors import PeerFault
+from scenefold.base.limits import BULK_BYTES_MAX, PASS_PATHS_MAX
 from scenefold.render.arrays import I32, I64, U16
+from scenefold.render.sum_columns import FULL, HIT, PLAIN, SumColumns
 from scenefold.render.sums_kernels import add_rows, pack_rows
 
-AOV_COLUMNS = 8
 COUNTERS = 3
+_HEAD = struct.Struct(f"<II{COUNTERS}q")
 
 
 @dataclass(frozen=True, slots=True)
 class PassSums:
-    """Sums of one pass on one node; `advance` adds to them in place."""
+    """Sums of one pass on one node; `advance` adds to them in place. Columns: sum_columns.py."""
 
     radiance: I64
-    """int64[paths, 3], units of 2^-32."""
+    """int64[paths, 3 or 9]"""
     aovs: I32
-    """int32[paths, 8]: albedo, normal, depth, hit; written by the node that found the first hit."""
+    """int32[paths, 8 or 13]; written by the node that found the first hit."""
     counters: I64
     """int64[3]: shadow rays cast, contributions that were not finite, contributions clamped."""
 
     @classmethod
-    def zeros(cls, paths: int) -> PassSums:
+    def zeros(cls, paths: int, columns: SumColumns = PLAIN) -> PassSums:
         """For a pass of this many paths."""
-        return cls(np.zeros((paths, 3), np.int64), np.zeros((paths, AOV_COLUMNS), np.int32), np.zeros(COUNTERS, np.int64))
+        radiance, aovs = np.zeros((paths, columns.radiance), np.int64), np.zeros((paths, columns.aovs), np.int32)
+        return cls(radiance, aovs, np.zeros(COUNTERS, np.int64))
+
+    @property
+    def columns(self) -> SumColumns:
+        """Which ones there are."""
+        return SumColumns(self.radiance.shape[1], self.aovs.shape[1])
 
     def add(self, other: PassSums) -> None:
         """Add another node's or thread's sums of the same pass."""
@@ -40,30 +48,28 @@ class PassSums:
         self.counters[:] += other.counters
 
     def to_bytes(self) -> bytes:
-        """Only the paths that have something: counts, their numbers, their rows, for radiance and for AOVs."""
-        lit, radiance = _rows(self.radiance, 0, 3)
-        seen, aovs = _rows(self.aovs, AOV_COLUMNS - 1, AOV_COLUMNS)
+        """Only the paths that have something: counts, their numbers, their rows, for radiance and for first hits."""
+        lit, radiance = _rows(self.radiance, 0, self.columns.radiance)
+        seen, aovs = _rows(self.aovs, HIT, HIT + 1)
         return b"".join(
             (
-                struct.pack("<II", len(lit), len(seen)),
-                self.counters.astype("<i8").tobytes(),
+                _HEAD.pack(len(lit), len(seen), *self.counters.tolist()),
                 lit.astype("<u2", copy=False).tobytes(),
                 seen.astype("<u2", copy=False).tobytes(),
                 radiance.astype("<i8", copy=False).tobytes(),
-                aovs.astype("<i4", copy=False).tobytes(),
+                np.delete(aovs, HIT, axis=1).astype("<i4", copy=False).tobytes(),
             )
         )
 
     def add_bytes(self, payload: bytes) -> None:
         """Add what `to_bytes` of another node gave; PeerFault if it does not fit this pass."""
-        head = struct.calcsize("<II") + 8 * COUNTERS
-        if len(payload) < head:
+        if len(payload) < _HEAD.size:
             raise PeerFault("sums of a pass are cut off", where=f"{len(payload)} bytes")
-        lit_count, seen_count = struct.unpack_from("<II", payload)
-        expected = head + lit_count * (2 + 24) + seen_count * (2 + 4 * AOV_COLUMNS)
+        lit_count, seen_count, *counters = _HEAD.unpack_from(payload)
+        columns, expected = self.columns, packed_bytes(self.columns, lit_count, seen_count)
         if len(payload) != expected:
             raise PeerFault("sums of a pass have the wrong size", where=f"{len(payload)} bytes instead of {expected}")
-        at = head
+        at = _HEAD.size
         lit = np.frombuffer(payload, "<u2", lit_count, at)
         at += 2 * lit_count
         seen = np.frombuffer(payload, "<u2", seen_count, at)
@@ -71,13 +77,21 @@ class PassSums:
         for numbers in (lit, seen):
             if len(numbers) and (int(numbers[-1]) >= len(self.radiance) or (numbers[1:] <= numbers[:-1]).any()):
                 raise PeerFault("sums of a pass name paths that it does not have")
-        self.counters[:] += np.frombuffer(payload, "<i8", COUNTERS, 8)
+        self.counters[:] += counters
         # Copies, because a payload's numbers may lie at any address.
-        add_rows(self.radiance, lit.astype(np.uint16), np.frombuffer(payload, "<i8", 3 * lit_count, at).astype(np.int64).reshape(-1, 3))
-        at += 24 * lit_count
-        aovs = np.frombuffer(payload, "<i4", AOV_COLUMNS * seen_count, at).astype(np.int32).reshape(-1, AOV_COLUMNS)
-        add_rows(self.aovs, seen.astype(np.uint16), aovs)
+        radiance = np.frombuffer(payload, "<i8", columns.radiance * lit_count, at).astype(np.int64)
+        add_rows(self.radiance, lit.astype(np.uint16), radiance.reshape(-1, columns.radiance))
+        at += radiance.nbytes
+        aovs = np.frombuffer(payload, "<i4", (columns.aovs - 1) * seen_count, at).astype(np.int32).reshape(-1, columns.aovs - 1)
+        add_rows(self.aovs, seen.astype(np.uint16), np.insert(aovs, HIT, 1, axis=1))
 
+
+def packed_bytes(columns: SumColumns, lit: int, seen: int) -> int:
+    """How long the sums of a pass are in which so many paths have radiance, and so many a first hit. HIT, always 1, is left out."""
+    return _HEAD.size + lit * (2 + 8 * columns.radiance) + seen * (2 + 4 * (columns.aovs - 1))
+
+
+assert packed_bytes(FULL, PASS_PATHS_MAX, PASS_PATHS_MAX) <= BULK_BYTES_MAX
 
 _Whole = TypeVar("_Whole", np.int32, np.int64)
 

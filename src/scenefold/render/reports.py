@@ -15,8 +15,8 @@ from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import number, text, whole
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.job import RenderOptions
+from scenefold.render.layers import image_bytes
 from scenefold.render.passes import PassPlan
-from scenefold.render.pool.organiser import LAYERS
 from scenefold.wire import MalformedPacket, unpack_value
 
 PHASES = frozenset({"preparing", "rendering", "merging", "done", "failed"})
@@ -68,13 +68,13 @@ def stand_of(packed: bytes, where: str) -> Stand:
 
 def image_size(options: RenderOptions) -> int:
     """The bytes of a finished image."""
-    return options.width * options.height * 4 * sum(channels for _, channels in LAYERS)
+    return image_bytes(options.layers, options.window.pixels)
 
 
 def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[str], where: str) -> dict[str, Any]:
     """The report of a finished image (docs/reference/scenectl.md). `chosen`: addresses of those that may have rendered it."""
     with _believed(where):
-        plan = PassPlan(0, options.width * options.height * options.samples)
+        plan = PassPlan(0, options.window.pixels * options.samples)
         size = image_size(options)
         whole(state["image_bytes"], size, size)
         paths, passes = whole(state["paths"], plan.paths, plan.paths), whole(state["passes"], plan.count, plan.count)

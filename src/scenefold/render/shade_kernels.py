@@ -24,7 +24,7 @@ from scenefold.render.bsdf_kernels import (
     sample_visible_normal,
 )
 from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
-from scenefold.render.generate_kernels import depth_of, pixels_of
+from scenefold.render.generate_kernels import depth_of
 from scenefold.render.lane_values_kernels import (
     alike,
     any_lane,
@@ -40,9 +40,11 @@ from scenefold.render.lane_values_kernels import (
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_pdf
 from scenefold.render.math_kernels import decode_color, decode_direction, decode_pdf, encode_color, encode_direction, encode_pdf
+from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
+from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
 from scenefold.render.surface_kernels import material_at, surface_at
 
 STATUS_FORWARD = 0
@@ -53,13 +55,8 @@ STATUS_FREE = 2
 STATUS_DEAD = 3
 """A shadow ray that met something."""
 
-SUM_UNIT = 4294967296.0
-"""Sums count units of 2^-32."""
 SUM_MAX = 16777216.0
 """Contributions at or above this radiance are clamped and counted: a path's 64 at most cannot overflow its sum."""
-AOV_COLUMNS = 8
-"""albedo 3, normal 3, depth as a share of the box's diagonal, hit: all times AOV_UNIT."""
-AOV_UNIT = 16777216.0
 
 COUNT_SHADOW_RAYS = 0
 COUNT_NOT_FINITE = 1
@@ -79,8 +76,8 @@ _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUT
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
-    """Add a contribution to its path, in whole units of 2^-32, so that any order gives the same sum."""
+def _add(sums, counters, path, column, r, g, b):  # type: ignore[no-untyped-def]
+    """Add a contribution to its path, from this column on, in whole units of 2^-32, so that any order gives the same sum."""
     total = r + g + b
     if not (total >= 0.0 and total < math.inf):
         counters[COUNT_NOT_FINITE] += 1
@@ -88,23 +85,26 @@ def _add(sums, counters, path, r, g, b):  # type: ignore[no-untyped-def]
     if max(r, max(g, b)) >= SUM_MAX:
         counters[COUNT_CLAMPED] += 1
         r, g, b = min(r, SUM_MAX), min(g, SUM_MAX), min(b, SUM_MAX)
-    sums[path, 0] += np.int64(r * SUM_UNIT + 0.5)
-    sums[path, 1] += np.int64(g * SUM_UNIT + 0.5)
-    sums[path, 2] += np.int64(b * SUM_UNIT + 0.5)
+    sums[path, column] += np.int64(r * RADIANCE_UNIT + 0.5)
+    sums[path, column + 1] += np.int64(g * RADIANCE_UNIT + 0.5)
+    sums[path, column + 2] += np.int64(b * RADIANCE_UNIT + 0.5)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _add_lanes(sums, counters, scratch, flags, path, r, g, b):  # type: ignore[no-untyped-def]
+def _add_lanes(sums, counters, scratch, flags, path, scatterings, r, g, b):  # type: ignore[no-untyped-def]
+    """Contributions of the flagged lanes; `scatterings`, words: how often their light was reflected (sum_columns.py)."""
     reals = scratch.view(np.float32)
     put(scratch, 0, path)
     put(reals, LANES, r)
     put(reals, 2 * LANES, g)
     put(reals, 3 * LANES, b)
+    put(scratch, 4 * LANES, scatterings)
+    last = sums.shape[1] // CHANNELS - 1
     left = bits_of_flags(flags)
     for k in range(LANES):
         if (left >> k) & 1:
             _add(
-                sums, counters, np.int64(scratch[k]),
+                sums, counters, np.int64(scratch[k]), min(np.int64(scratch[4 * LANES + k]), last) * CHANNELS,
                 np.float64(reals[LANES + k]), np.float64(reals[2 * LANES + k]), np.float64(reals[3 * LANES + k]),
             )  # fmt: skip
 
@@ -136,7 +136,7 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
     """Shade a cast batch; returns how many new rays were written to `out`.
 
     rays uint32[n, 9]; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]: instance, group, primitive;
-    first_path: global number of the pass's path 0; sums int64[paths, 3]; aovs int32[paths, AOV_COLUMNS];
+    first_path: global number of the pass's path 0; sums int64[paths, 3 or 9]; aovs int32[paths, 8 or 13] (sum_columns.py);
     counters int64[COUNTERS]; listed int64[>= 2 n] and scratch uint32[SCRATCH_WORDS] to work in; out uint32[>= 2 n, 9], rays with t_done 0.
     """
     batch = rays.shape[0]
@@ -174,7 +174,7 @@ def _deliver(rays, frees, first, count, job, sums, counters, scratch):  # type: 
         select(to_sky, g * job.sky[1] * weight, g),
         select(to_sky, b * job.sky[2] * weight, b),
     )
-    _add_lanes(sums, counters, scratch, live, ray.path, r, g, b)
+    _add_lanes(sums, counters, scratch, live, ray.path, ray.bounce + select(to_sky, np.uint32(0), np.uint32(1)), r, g, b)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -203,7 +203,9 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     diagonal = diagonal_of_box(job.box_low, job.box_high)
     seen_first = live & (ray.kind == np.uint32(KIND_CAMERA))
     if any_lane(seen_first):
-        _note_first_hits(seen_first, ray.path, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs, scratch)
+        _note_first_hits(
+            seen_first, ray.path, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, instance, material, aovs, scratch
+        )
 
     # What the caster's filter lets pass is not shaded; what is shaded stands for the rest (see_through_kernels).
     r, g, b = decode_color(ray.color_low, ray.color_high)
@@ -234,7 +236,9 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         found = (ray.pdf != np.uint32(PDF_DELTA)) & (facing > 1e-6) & opaque
         other = emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
         weight = select(found, _power_weight(decode_pdf(ray.pdf), other), 1.0)
-        _add_lanes(sums, counters, scratch, shines, ray.path, r * emission_r * weight, g * emission_g * weight, b * emission_b * weight)
+        _add_lanes(
+            sums, counters, scratch, shines, ray.path, ray.bounce, r * emission_r * weight, g * emission_g * weight, b * emission_b * weight
+        )
     live = live & (ray.bounce + np.uint32(1) < np.uint32(job.depth))
     if not any_lane(live):
         return made
@@ -324,19 +328,34 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _note_first_hits(first, path, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, aovs, scratch):  # type: ignore[no-untyped-def]
+def _note_first_hits(first, path, job, diagonal, base_r, base_g, base_b, sx, sy, sz, px, py, pz, instance, material, aovs, scratch):  # type: ignore[no-untyped-def]
     reals = scratch.view(np.float32)
-    put(scratch, 0, path)
-    put(reals, LANES, min(base_r, 100.0))
-    put(reals, 2 * LANES, min(base_g, 100.0))
-    put(reals, 3 * LANES, min(base_b, 100.0))
-    put(reals, 4 * LANES, sx)
-    put(reals, 5 * LANES, sy)
-    put(reals, 6 * LANES, sz)
-    put(reals, 7 * LANES, min(depth_of(job, px, py, pz) / diagonal, 100.0))
+    put(reals, 0 * LANES, min(base_r, 100.0))
+    put(reals, 1 * LANES, min(base_g, 100.0))
+    put(reals, 2 * LANES, min(base_b, 100.0))
+    put(reals, 3 * LANES, sx)
+    put(reals, 4 * LANES, sy)
+    put(reals, 5 * LANES, sz)
+    put(reals, DEPTH * LANES, min(depth_of(job, px, py, pz) / diagonal, 100.0))
+    put(scratch, HIT * LANES, path)
     left = bits_of_flags(first)
     for k in range(LANES):
         if (left >> k) & 1:
-            for column in range(7):
-                aovs[scratch[k], column] = np.int32(math.floor(reals[(column + 1) * LANES + k] * AOV_UNIT + 0.5))
-            aovs[scratch[k], 7] = np.int32(1)
+            row = scratch[HIT * LANES + k]
+            for column in range(HIT):
+                aovs[row, column] = np.int32(math.floor(reals[column * LANES + k] * AOV_UNIT + 0.5))
+            aovs[row, HIT] = np.int32(1)
+    if aovs.shape[1] < ALL_AOVS:
+        return
+    low, high = job.box_low, job.box_high
+    put(reals, 0 * LANES, (px - low[0]) / (high[0] - low[0]))
+    put(reals, 1 * LANES, (py - low[1]) / (high[1] - low[1]))
+    put(reals, 2 * LANES, (pz - low[2]) / (high[2] - low[2]))
+    put(scratch, 3 * LANES, instance)
+    put(scratch, 4 * LANES, material)
+    for k in range(LANES):
+        if (left >> k) & 1:
+            row = scratch[HIT * LANES + k]
+            for axis in range(3):
+                aovs[row, POSITION + axis] = np.int32(math.floor(reals[axis * LANES + k] * AOV_UNIT + 0.5))
+            aovs[row, OBJECT], aovs[row, MATERIAL] = np.int32(scratch[3 * LANES + k]), np.int32(scratch[4 * LANES + k])

@@ -80,9 +80,11 @@ def _render(algorithm: Algorithm) -> None:
     from scenefold.partition import make_partition
     from scenefold.render.content import pair_boxes, scene_arrays, share_of, worn_textures
     from scenefold.render.contract import HeldGroup, HeldScene, load_renderer
+    from scenefold.render.developing import develop
     from scenefold.render.film import Film
     from scenefold.render.job import Job
-    from scenefold.render.numbers import camera_numbers, diagonal_of, job_box, job_numbers
+    from scenefold.render.layers import USUAL
+    from scenefold.render.numbers import camera_numbers, job_box, job_numbers
     from scenefold.render.pass_sums import PassSums
     from scenefold.render.sealed_keys import NO_KEYS
     from scenefold.scene.importers.plan import ImportPlan
@@ -133,7 +135,7 @@ def _render(algorithm: Algorithm) -> None:
     film, other = Film(16, 16), Film(16, 16)
     film.add(sums[0], 0, numbers.stride)
     other.merge_part(0, next(film.parts()))
-    other.layers(diagonal_of(*job_box(tables)))
+    develop(other, USUAL, job_box(tables))
     for scene in opened:
         scene.close()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from typing import Any
 
@@ -12,42 +13,38 @@ from hypothesis import strategies as st
 
 from scenefold.base.errors import PeerFault
 from scenefold.render import film as film_module
+from scenefold.render.developing import develop
 from scenefold.render.film import Film
-from scenefold.render.film_kernels import add_limbs
 from scenefold.render.generate_kernels import scattering_stride
-from scenefold.render.pass_sums import PassSums
+from scenefold.render.layers import BESIDE, USUAL, Pixels
+from scenefold.render.pass_sums import PassSums, packed_bytes
+from scenefold.render.sum_columns import ALL_AOVS, FULL, HIT, MATERIAL, OBJECT, PLAIN, SumColumns
 
-words = st.integers(-(2**63), 2**63 - 1)
 naturals = st.integers(0, 2**62)
+columns = pytest.mark.parametrize("columns", [PLAIN, FULL, SumColumns(3, 13), SumColumns(9, 8)], ids=["plain", "full", "features", "parts"])
+BOX = (np.array([-1.0, 0.0, 2.0]), np.array([2.0, 4.0, 14.0]))
+"""Its diagonal is 13."""
 
 
-def limbs_of(values: list[int]) -> tuple[Any, Any]:
-    """128-bit numbers as kernels have them, [n, 3] with two columns unused."""
-    high, low = np.zeros((len(values), 3), np.int64), np.zeros((len(values), 3), np.uint64)
-    high[:, 0], low[:, 0] = [value >> 64 for value in values], [value & (2**64 - 1) for value in values]
-    return high, low
+def number_of(high: Any, low: Any) -> int:
+    return (int(high) << 64) + int(low)
 
 
-def number_of(high: Any, low: Any, row: int) -> int:
-    return (int(high[row, 0]) << 64) + int(low[row, 0])
-
-
-@given(st.lists(st.tuples(st.integers(-(2**126), 2**126 - 1), st.integers(-(2**126), 2**126 - 1)), min_size=1, max_size=8))
-def test_two_limbs_add_like_whole_numbers(pairs: list[tuple[int, int]]) -> None:
-    high, low = limbs_of([a for a, _ in pairs])
-    add_limbs(high, low, *limbs_of([b for _, b in pairs]))
-    assert [number_of(high, low, row) for row in range(len(pairs))] == [a + b for a, b in pairs]
-
-
-def sums(paths: int, seed: int, largest: int = 2**40) -> PassSums:
+def sums(paths: int, seed: int, largest: int = 2**40, kinds: SumColumns = PLAIN) -> PassSums:
     """A pass with something in it."""
     random = np.random.default_rng(seed)
-    made = PassSums.zeros(paths)
+    made = PassSums.zeros(paths, kinds)
     made.radiance[:] = random.integers(0, largest, made.radiance.shape) * (random.random((paths, 1)) < 0.7)
     made.aovs[:] = random.integers(-(2**24), 2**24, made.aovs.shape)
-    made.aovs[:, 7] = random.random(paths) < 0.8
-    made.aovs[made.aovs[:, 7] == 0] = 0
+    made.aovs[:, OBJECT:] = random.integers(0, 9, made.aovs[:, OBJECT:].shape)
+    made.aovs[:, HIT] = random.random(paths) < 0.8
+    made.aovs[made.aovs[:, HIT] == 0] = 0
     return made
+
+
+def layers_of(film: Film) -> dict[str, Pixels]:
+    """All that this film can give."""
+    return develop(film, BESIDE if film.rows.columns == FULL else (*USUAL, "samples", "variance"), BOX)
 
 
 @settings(max_examples=50)
@@ -62,41 +59,83 @@ def test_sums_and_squares_are_those_of_whole_numbers(values: list[int], pixels: 
         pixel = path % pixels * stride % pixels
         total[pixel] += value
         real = float(value) / 2**32
-        squares[pixel] += int(min(real * real * 65536 + 0.5, 9e18))
+        squares[pixel] += int(min(real * real, 2.0**42) * 2**32 + 0.5)
         counts[pixel] += 1
-    assert [number_of(film._high, film._low, pixel) for pixel in range(pixels)] == total
-    assert [number_of(film._square_high, film._square_low, pixel) for pixel in range(pixels)] == squares
-    assert film.samples.ravel().tolist() == counts
-    beauty = film.layers(1.0)["beauty"][0, :, 0]
+    rows, order = film.rows, [row * stride % pixels for row in range(pixels)]
+    assert [number_of(rows.high[row, 0], rows.low[row, 0]) for row in range(pixels)] == [total[pixel] for pixel in order]
+    assert [number_of(rows.square_high[row, 0], rows.square_low[row, 0]) for row in range(pixels)] == [squares[pixel] for pixel in order]
+    layers = layers_of(film)
+    assert layers["samples"].ravel().tolist() == counts
+    beauty = layers["beauty"][0, :, 0]
     assert beauty == pytest.approx([value / 2**32 / max(count, 1) for value, count in zip(total, counts, strict=True)], rel=1e-6)
+
+
+@given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=8), st.integers(0, 8))
+def test_limbs_carry_and_borrow_like_whole_numbers(values: list[int], cut: int) -> None:
+    """Paths of a single pixel, and then films of it: carries are of both kinds."""
+    film, other = Film(1, 1), Film(1, 1)
+    for number, value in enumerate(values):
+        passed = PassSums.zeros(1)
+        passed.radiance[0] = value, 0, -(value // 2)
+        (film if number < cut else other).add(passed, number, 1)
+    film.merge_part(0, next(other.parts()))
+    rows = film.rows
+    assert number_of(rows.high[0, 0], rows.low[0, 0]) == sum(values)
+    assert number_of(rows.high[0, 2], rows.low[0, 2]) == -sum(value // 2 for value in values)
 
 
 def same(left: Film, right: Film) -> bool:
     return b"".join(left.parts()) == b"".join(right.parts())
 
 
+@columns
 @settings(max_examples=20, deadline=None)
-@given(st.permutations(range(6)), st.integers(0, 6))
-def test_order_of_passes_and_of_films_is_no_matter(order: list[int], cut: int) -> None:
+@given(order=st.permutations(range(6)), cut=st.integers(0, 6))
+def test_order_of_passes_and_of_films_is_no_matter(columns: SumColumns, order: list[int], cut: int) -> None:
     """Some nodes close some passes, and films are merged: all the same."""
     stride, size = scattering_stride(70), 35
-    straight = Film(10, 7)
+    straight = Film(10, 7, columns)
     for number in range(6):
-        straight.add(sums(size, number), number * size, stride)
-    first, second = Film(10, 7), Film(10, 7)
+        straight.add(sums(size, number, kinds=columns), number * size, stride)
+    first, second = Film(10, 7, columns), Film(10, 7, columns)
     for place, number in enumerate(order):
-        (first if place < cut else second).add(sums(size, number), number * size, stride)
+        (first if place < cut else second).add(sums(size, number, kinds=columns), number * size, stride)
     for index, part in enumerate(second.parts()):
         first.merge_part(index, part)
     assert same(first, straight)
-    assert first.layers(3.0)["beauty"].tobytes() == straight.layers(3.0)["beauty"].tobytes()
-    assert first.samples.tolist() == np.full((7, 10), 3).tolist()
+    layers, expected = layers_of(first), layers_of(straight)
+    assert {name: layer.tobytes() for name, layer in layers.items()} == {name: layer.tobytes() for name, layer in expected.items()}
+    assert layers["samples"].tolist() == np.full((7, 10), 3).tolist()
 
 
-def test_films_travel_in_several_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(film_module, "PART_PIXELS", 16)
-    full, copy = Film(10, 7), Film(10, 7)
-    full.add(sums(70, 1, 2**62), 0, scattering_stride(70))
+def mixed(count: int, salt: int) -> Any:
+    """uint64[count] that look like chance, and are the same for every version of everything."""
+    words = (np.arange(count, dtype=np.uint64) + np.uint64(salt)) * np.uint64(0x9E3779B97F4A7C15)
+    words = (words ^ (words >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+    return words ^ (words >> np.uint64(32))
+
+
+def test_an_image_has_the_bits_that_it_always_had() -> None:
+    """Whatever becomes of a film's memory: forty passes over 207 pixels, radiance up to 2^61, features of both signs."""
+    film, paths = Film(23, 9), 1000
+    for number in range(40):
+        salt, passed = number * 100_003, PassSums.zeros(paths)
+        passed.radiance[:] = (mixed(3 * paths, salt) >> np.uint64(3)).astype(np.int64).reshape(-1, 3)
+        passed.radiance[mixed(paths, salt + 7) % np.uint64(3) == 0] = 0
+        passed.aovs[:] = (mixed(8 * paths, salt + 1) >> np.uint64(34)).astype(np.int64).reshape(-1, 8) - 2**29
+        passed.aovs[:, HIT] = mixed(paths, salt + 2) % np.uint64(4) != 0
+        passed.aovs[passed.aovs[:, HIT] == 0] = 0
+        film.add(passed, number * paths, scattering_stride(207))
+    layers = develop(film, USUAL, (np.zeros(3), np.array([7.25, 0.0, 0.0])))
+    usual = b"".join(layers[name].tobytes() for name in ("beauty", *USUAL))
+    assert hashlib.sha256(usual).hexdigest() == "7d41838811d8f4dabfcc86a900df12edae07c3aa9ddc332f2bfd6d21df01918c"
+
+
+@columns
+def test_films_travel_in_several_parts(columns: SumColumns, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(film_module, "PART_BYTES", 16 * film_module.row_bytes(columns) + 5)
+    full, copy = Film(10, 7, columns), Film(10, 7, columns)
+    full.add(sums(70, 1, 2**62, columns), 0, scattering_stride(70))
     parts = list(full.parts())
     assert len(parts) == full.part_count == 5
     for index in (3, 0, 4, 1, 2):
@@ -114,7 +153,7 @@ def test_parts_that_are_not_there_are_refused(index: int) -> None:
 
 def test_parts_of_another_size_are_refused_and_leave_no_trace() -> None:
     film, part = Film(4, 4), next(Film(4, 4).parts())
-    for payload in (b"", part[:-1], part + b"\0", next(Film(4, 5).parts())):
+    for payload in (b"", part[:-1], part + b"\0", next(Film(4, 5).parts()), next(Film(4, 4, FULL).parts())):
         with pytest.raises(PeerFault, match="size"):
             film.merge_part(0, payload)
     assert same(film, Film(4, 4))
@@ -131,43 +170,90 @@ def test_layers_and_variance() -> None:
         if pixel == 0:
             passed.aovs[path] = [2**23, 0, 0, 0, 2**24, 0, 2**22, 1]
     film.add(passed, 0, stride)
-    layers = film.layers(10.0)
+    layers = layers_of(film)
     assert layers["beauty"][0, :, 1].tolist() == [2.0, 2.0]
     assert layers["albedo"][0, 0].tolist() == [0.5, 0.0, 0.0]
     assert layers["normal"][0, 0].tolist() == [0.0, 1.0, 0.0]
-    assert layers["depth"][0].tolist() == [2.5, np.inf]
+    assert layers["depth"][0].tolist() == [3.25, np.inf]
+    assert (layers["beauty"].dtype, layers["samples"].dtype) == (np.float32, np.uint32)
     expected = [np.var(row) / 3 for row in values]
-    assert film.variance()[0, :, 2] == pytest.approx(expected, rel=1e-4)
+    assert layers["variance"][0, :, 2] == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("light", [1e-4, 0.01, 1.0, 1e5])
+def test_the_variance_of_dim_and_of_bright_light_is_found(light: float) -> None:
+    passed, values = PassSums.zeros(64), light * np.random.default_rng(1).uniform(0.5, 1.5, 64)
+    passed.radiance[:, 0] = np.round(values * 2**32)
+    film = Film(1, 1)
+    film.add(passed, 0, 1)
+    assert layers_of(film)["variance"][0, 0, 0] == pytest.approx(np.var(values) / 63, rel=1e-2)
+
+
+def test_light_in_parts_adds_up_to_the_beauty_of_light_in_one() -> None:
+    parts, whole = sums(700, 5, 2**61, FULL), PassSums.zeros(700)
+    whole.radiance[:] = parts.radiance.reshape(-1, 3, 3).sum(axis=1)
+    in_parts, in_one, stride = Film(10, 7, FULL), Film(10, 7), scattering_stride(70)
+    in_parts.add(parts, 0, stride)
+    in_one.add(whole, 0, stride)
+    layers, expected = layers_of(in_parts), layers_of(in_one)
+    assert layers["beauty"].tobytes() == expected["beauty"].tobytes()
+    assert layers["variance"].tobytes() == expected["variance"].tobytes()
+    assert layers["emission"] + layers["direct"] + layers["indirect"] == pytest.approx(layers["beauty"], rel=1e-6)
+
+
+def test_a_pixel_shows_what_its_first_sample_that_hit_has_hit() -> None:
+    """Whichever pass is closed first: here the passes are single samples of one pixel, 0 missing everything."""
+    found = {1: (7, 3), 2: (0, 0), 3: (5, 1)}
+    for order in ((0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)):
+        film, other = Film(1, 1, FULL), Film(1, 1, FULL)
+        for sample in order:
+            passed = PassSums.zeros(1, FULL)
+            if sample in found:
+                passed.aovs[0, HIT], passed.aovs[0, [OBJECT, MATERIAL]] = 1, found[sample]
+                passed.aovs[0, 8:11] = 2**23, 0, 2**24
+            (film if sample % 2 else other).add(passed, sample, 1)
+        nothing = layers_of(Film(1, 1, FULL))
+        film.merge_part(0, next(other.parts()))
+        layers = layers_of(film)
+        assert (int(layers["object_id"][0, 0]), int(layers["material_id"][0, 0])) == (8, 4), "numbers from 1 on"
+        assert layers["position"][0, 0].tolist() == [0.5, 0.0, 14.0]
+        assert (int(nothing["object_id"][0, 0]), int(nothing["material_id"][0, 0])) == (0, 0)
+        assert np.isinf(nothing["position"]).all()
 
 
 # Sums of one pass on their way ---------------------------------------------------------------------------
 
 
-def test_sums_of_a_pass_round_trip_and_add_up() -> None:
-    ours, theirs, both = sums(300, 1), sums(300, 2), sums(300, 1)
+@columns
+def test_sums_of_a_pass_round_trip_and_add_up(columns: SumColumns) -> None:
+    ours, theirs, both = sums(300, 1, kinds=columns), sums(300, 2, kinds=columns), sums(300, 1, kinds=columns)
+    # A path has one first hit, on one node.
+    theirs.aovs[ours.aovs[:, HIT] != 0] = 0
     ours.counters[:], theirs.counters[:] = (1, 2, 3), (10, 20, 30)
     both.add(theirs)
     ours.add_bytes(theirs.to_bytes())
     assert np.array_equal(ours.radiance, both.radiance)
     assert np.array_equal(ours.aovs, both.aovs)
     assert ours.counters.tolist() == [11, 22, 33]
-    empty = PassSums.zeros(300)
-    assert len(empty.to_bytes()) == 8 + 24
-    empty.add_bytes(PassSums.zeros(300).to_bytes())
+    empty = PassSums.zeros(300, columns)
+    assert len(empty.to_bytes()) == packed_bytes(columns, 0, 0) == 8 + 24
+    empty.add_bytes(PassSums.zeros(300, columns).to_bytes())
     assert not empty.radiance.any()
 
 
 def test_the_largest_pass_fits_its_numbers() -> None:
-    full = PassSums.zeros(65_536)
-    full.radiance[-1], full.aovs[-1, 7] = 5, 1
-    copy = PassSums.zeros(65_536)
-    copy.add_bytes(full.to_bytes())
-    assert copy.radiance[-1].tolist() == [5, 5, 5]
-    assert copy.aovs[-1, 7] == 1
+    full = PassSums.zeros(65_536, FULL)
+    full.radiance[:], full.aovs[:, HIT] = 5, 1
+    copy = PassSums.zeros(65_536, FULL)
+    payload = full.to_bytes()
+    assert len(payload) == packed_bytes(FULL, 65_536, 65_536)
+    copy.add_bytes(payload)
+    assert copy.radiance[-1].tolist() == [5] * 9
+    assert copy.aovs[-1].tolist() == [0] * HIT + [1] + [0] * (ALL_AOVS - HIT - 1)
 
 
 def packed(lit: list[int], seen: list[int], tail: bytes = b"") -> bytes:
-    rows = bytes(24 * len(lit)) + bytes(32 * len(seen))
+    rows = bytes(24 * len(lit)) + bytes(28 * len(seen))
     numbers = b"".join(number.to_bytes(2, "little") for number in [*lit, *seen])
     return struct.pack("<II3q", len(lit), len(seen), 7, 7, 7) + numbers + rows + tail
 

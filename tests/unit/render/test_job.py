@@ -14,6 +14,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
 from scenefold.render.job import ALGORITHMS, Job, RenderOptions
 from scenefold.render.sealed_keys import SealedKeys
+from scenefold.render.window import Window
 from scenefold.scene.head import SceneHead
 from scenefold.wire import pack_value, unpack_value
 
@@ -36,6 +37,8 @@ JOB = Job(
     camera=tuple(float(number) / 7 for number in range(16)),
     nodes=(NodeId(0x7F000002), NodeId(0x7F000003)),
     partition=Partition.voronoi([[0, 0, 0], [1, 2, 3]]),
+    layers=("direct", "samples"),
+    crop=Window(600, 300, 40, 60),
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
@@ -44,7 +47,9 @@ DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
 def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(JOB.to_bytes()) == JOB
     assert Job.from_bytes(JOB.to_bytes()).to_bytes() == JOB.to_bytes()
-    assert JOB.plan.paths == 640 * 360 * 64
+    assert JOB.plan.paths == 40 * 60 * 64
+    assert replace(JOB, crop=None).plan.paths == 640 * 360 * 64
+    assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
 @pytest.mark.parametrize("key", sorted(DOCUMENT))
@@ -102,6 +107,19 @@ def test_every_entry_is_needed(key: str) -> None:
         ("partition", {"epoch": 1}),
         ("partition", None),
         ("numeric_class", 5),
+        ("layers", None),
+        ("crop", []),
+        ("crop", [0, 0, 0, 1]),
+        ("crop", [0, 0, 641, 1]),
+        ("crop", [0, 359, 1, 2]),
+        ("crop", [-1, 0, 2, 2]),
+        ("crop", [0.0, 0.0, 2.0, 2.0]),
+        ("layers", "albedo"),
+        ("layers", [1]),
+        ("layers", ["albedo", "albedo"]),
+        ("layers", ["depth", "albedo"]),
+        ("layers", ["beauty"]),
+        ("layers", ["nothing"]),
     ],
 )
 def test_what_makes_no_sense_is_refused(key: str, value: object) -> None:
@@ -145,6 +163,12 @@ def test_options_are_checked_one_by_one() -> None:
         {"sky": (0.0, float("nan"), 0.0)},
         {"sky": (float("inf"), 0.0, 0.0)},
         {"algorithm": "tiles"},
+        {"layers": ("beauty",)},
+        {"crop": Window(0, 0, 641, 1)},
+        {"crop": Window(5, 5, 0, 1)},
+        {"crop": Window(-1, 0, 5, 5)},
+        {"layers": ("depth", "albedo")},
+        {"layers": ("shine",)},
     ]
     for options in wrong:
         with pytest.raises(UsageFault) as caught:

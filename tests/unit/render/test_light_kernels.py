@@ -93,7 +93,28 @@ def job(sky: float, punctual: float, emitter: float) -> JobNumbers:
     power = float(emitter_power(CORNERS, RADIANCE))
     low, high = np.array([-4.0, -1.0, -4.0]), np.array([4.0, 4.0, 4.0])
     return JobNumbers(
-        low, high, np.array([1.0, 2.0, 3.0]), sky, punctual, emitter, 1 / power, np.zeros(16), 1, 0, 8, 8, 1, 8, 5, 7, 9, SAMPLER_SOBOL
+        low,
+        high,
+        np.array([1.0, 2.0, 3.0]),
+        sky,
+        punctual,
+        emitter,
+        1 / power,
+        np.zeros(16),
+        1,
+        0,
+        8,
+        8,
+        1,
+        8,
+        5,
+        7,
+        9,
+        SAMPLER_SOBOL,
+        0,
+        0,
+        8,
+        8,
     )
 
 

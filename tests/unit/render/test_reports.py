@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +19,7 @@ from scenefold.render.client import _Watch
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool.telling import failure_fields
 from scenefold.render.reports import image_size, report_of, stand_of
+from scenefold.render.window import Window
 from scenefold.wire import ImagePart, JobStateReply, Packet, pack_value, unpack_value
 
 OPTIONS = RenderOptions(width=16, height=16, samples=2)
@@ -54,6 +56,8 @@ def told(state: object) -> dict[str, Any]:
 def test_a_report_says_what_the_nodes_did() -> None:
     report = told(STATE)
     assert image_size(OPTIONS) == SIZE
+    assert image_size(replace(OPTIONS, crop=Window(3, 3, 4, 5))) == 4 * 5 * 40
+    assert image_size(replace(OPTIONS, layers=("direct", "samples"))) == 16 * 16 * (12 + 12 + 4)
     assert (report["paths_per_second"], report["rays"], report["rays_passed_per_path"]) == (256.0, 1200, 1.0)
     assert (report["efficiency"], report["bytes_passed"]) == (1.0, 512 * RAY_BYTES)
     assert [one["address"] for one in report["render_nodes"]] == ADDRESSES

@@ -13,12 +13,18 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.sealed_keys import SealedKeys
+from scenefold.render.window import Window
 from scenefold.scene.head import SceneHead
 from scenefold.wire import pack_value, unpack_value
 
 KEYS = SealedKeys(((NodeId(3), b"a box"),), b"what it opens")
 REQUEST = RenderRequest(
-    7, SceneId(3), bytes(range(32)), KEYS, RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left"), SceneHead(5, bytes(32), 4)
+    7,
+    SceneId(3),
+    bytes(range(32)),
+    KEYS,
+    RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left", layers=("position",), crop=Window(5, 6, 7, 8)),
+    SceneHead(5, bytes(32), 4),
 )
 DOCUMENT: dict[str, Any] = unpack_value(REQUEST.to_bytes(), what="a request")
 ENDLESS = float("inf")
@@ -75,6 +81,11 @@ def test_every_entry_is_needed(key: str) -> None:
         ("sky", [0.0, 0.0]),
         ("camera", 5),
         ("algorithm", b"voronoi"),
+        ("layers", "depth"),
+        ("layers", [b"depth"]),
+        ("crop", 5),
+        ("crop", [1, 2, 3]),
+        ("crop", [1, 2, 3, ENDLESS]),
     ],
 )
 def test_nothing_is_made_of_what_makes_no_sense(key: str, value: object) -> None:
@@ -83,6 +94,10 @@ def test_nothing_is_made_of_what_makes_no_sense(key: str, value: object) -> None
 
 
 def test_an_option_out_of_range_is_told_by_its_name() -> None:
+    with pytest.raises(UsageFault, match="no layer 'shine'"):
+        RenderRequest.from_map(7, {**DOCUMENT, "layers": ["shine"]})
+    with pytest.raises(UsageFault, match="is no part of an image of 640x360"):
+        RenderRequest.from_map(7, {**DOCUMENT, "crop": [600, 0, 41, 1]})
     with pytest.raises(UsageFault, match="width is 99999"):
         RenderRequest.from_map(7, {**DOCUMENT, "width": 99_999})
 

@@ -89,7 +89,7 @@ def any_threads(renderer: Renderer) -> None:
     with rig.opened(job) as (opened,):
         tracers = opened.tracers(4)
         pieces = np.array_split(tracers[0].generate(0, count)[0], 64)
-        sums = [PassSums.zeros(count) for _ in tracers]
+        sums = [PassSums.zeros(count, job.columns) for _ in tracers]
 
         def work(number: int) -> None:
             for rays in pieces[number :: len(tracers)]:
@@ -119,7 +119,7 @@ def memory_stays(renderer: Renderer) -> None:
         before = 0
         for number in range(_PASSES):
             first, count = job.plan.first_path(number), job.plan.size(number)
-            flight = Flight(tracers, first, count)
+            flight = Flight(tracers, first, count, job.columns)
             flight.land(tracers[0].generate(first, count))
             if number == _PASSES // 4:
                 before = _resident_bytes()
@@ -151,7 +151,7 @@ def numbers_are_only_read(renderer: Renderer) -> None:
         tracers, count = opened.tracers(1), job.plan.size(0)
         rays = tracers[0].generate(0, count)
         copies = {node: batch.copy() for node, batch in rays.items()}
-        Flight(tracers, 0, count).land(rays)
+        Flight(tracers, 0, count, job.columns).land(rays)
     finally:
         opened.close()
     changed = [name for name, value in arrays.items() if value.tobytes() != before[name]]

@@ -19,11 +19,14 @@ from scenefold.partition import Partition, make_partition
 from scenefold.render.arrays import F32, I32, I64, U32
 from scenefold.render.content import pair_boxes, scene_arrays, share_of, worn_textures
 from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Renderer, Tracer
+from scenefold.render.developing import develop
 from scenefold.render.film import Film
 from scenefold.render.job import Job, RenderOptions
-from scenefold.render.numbers import camera_numbers, diagonal_of, job_box, job_numbers
+from scenefold.render.layers import Pixels, in_order
+from scenefold.render.numbers import camera_numbers, job_box, job_numbers
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.sealed_keys import NO_KEYS
+from scenefold.render.sum_columns import SumColumns
 from scenefold.scene.importers import atoms, prototypes
 from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.importers.source import SourceScene
@@ -43,7 +46,7 @@ class Rendered:
     """int64[paths, 3]"""
     aovs: I32
     film: Film
-    layers: dict[str, F32]
+    layers: dict[str, Pixels]
     counters: I64
     passed: int
     """Rays handed over between nodes."""
@@ -54,6 +57,10 @@ class Rendered:
     @property
     def beauty(self) -> F32:
         return self.layers["beauty"]
+
+    @property
+    def variance(self) -> F32:
+        return self.layers["variance"]
 
 
 class Rig:
@@ -105,6 +112,8 @@ class Rig:
             camera=camera_numbers(camera, asked.width, asked.height),
             nodes=tuple(NodeId(index + 2) for index in range(nodes)),
             partition=partition,
+            layers=asked.layers,
+            crop=asked.crop,
         )
 
     def held(self, partition: Partition, me: int) -> HeldScene:
@@ -144,14 +153,14 @@ class Rig:
         """The whole job; with `shuffle`, batches are mixed and cut into pieces of at most `piece` rays."""
         nodes, plan = len(job.nodes), job.plan
         stride = job_numbers(job, self.tables).stride
-        film, radiance, aovs = Film(job.width, job.height), [], []
+        film, radiance, aovs = Film(job.window.width, job.window.height, job.columns), [], []
         counters, passed, casts = np.zeros(3, np.int64), 0, 0
         with self.opened(job) as scenes:
             tracers = [scene.tracers(1)[0] for scene in scenes]
             for number in range(plan.count):
                 first, count = plan.first_path(number), plan.size(number)
                 assert count <= PASS_PATHS_MAX
-                flight = Flight(tracers, first, count)
+                flight = Flight(tracers, first, count, job.columns)
                 flight.land(tracers[number % nodes].generate(first, count), shuffle, piece)
                 film.add(flight.total, first, stride)
                 radiance.append(flight.total.radiance)
@@ -159,16 +168,16 @@ class Rig:
                 counters += flight.total.counters
                 passed, casts = passed + flight.passed, casts + flight.casts
         held = tuple(len(share_of(self.tables, job.partition, me).groups) for me in range(nodes))
-        layers = film.layers(diagonal_of(*job_box(self.tables)))
+        layers = develop(film, in_order((*job.layers, "variance")), job_box(self.tables))
         return Rendered(np.concatenate(radiance), np.concatenate(aovs), film, layers, counters, passed, casts, held)
 
 
 class Flight:
     """One pass in the air."""
 
-    def __init__(self, tracers: list[Tracer], first: int, count: int) -> None:
-        self._tracers, self._first, self._count = tracers, first, count
-        self._sums = [PassSums.zeros(count) for _ in tracers]
+    def __init__(self, tracers: list[Tracer], first: int, count: int, columns: SumColumns) -> None:
+        self._tracers, self._first, self._count, self._columns = tracers, first, count, columns
+        self._sums = [PassSums.zeros(count, columns) for _ in tracers]
         self.passed = self.casts = 0
 
     def land(self, waiting: dict[int, U32], shuffle: np.random.Generator | None = None, piece: int = 1 << 30) -> None:
@@ -193,7 +202,7 @@ class Flight:
     @property
     def total(self) -> PassSums:
         """All nodes' sums, as they travel."""
-        total = PassSums.zeros(self._count)
+        total = PassSums.zeros(self._count, self._columns)
         for each in self._sums:
             total.add_bytes(each.to_bytes())
         return total

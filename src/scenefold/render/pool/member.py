@@ -79,7 +79,7 @@ class Member:
         self._closing = trio.Lock()
         self._link_sequence = 0
         self._nursery: trio.Nursery | None = None
-        self.film = Film(job.width, job.height)
+        self.film = Film(job.window.width, job.window.height, job.columns)
         self.statistics = MemberStatistics()
 
     # What other nodes tell us --------------------------------------------------------------------------------
@@ -317,7 +317,7 @@ class Member:
         by_thread = list(self._sums.get(number, {}).values())
         if len(by_thread) == 1:
             return by_thread[0]
-        total = Sums.zeros(self._plan.size(number))
+        total = self._no_sums(number)
         for sums in by_thread:
             total.add(sums)
         return total
@@ -325,8 +325,11 @@ class Member:
     def _sums_of(self, number: int, thread: int) -> Sums:
         by_thread = self._sums.setdefault(number, {})
         if thread not in by_thread:
-            by_thread[thread] = Sums.zeros(self._plan.size(number))
+            by_thread[thread] = self._no_sums(number)
         return by_thread[thread]
+
+    def _no_sums(self, number: int) -> Sums:
+        return Sums.zeros(self._plan.size(number), self._job.columns)
 
     def _forget(self, number: int) -> None:
         for kept in (self._sums, self._counts, self._reported):

@@ -6,7 +6,7 @@ partition, as one value. Passes belong to all nodes. If a node is lost, the job 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import trio
@@ -15,11 +15,13 @@ from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.partition import make_partition
-from scenefold.render.arrays import F32
 from scenefold.render.content import pair_boxes
-from scenefold.render.contract import Renderer
+from scenefold.render.contract import Renderer, check_layers_written
+from scenefold.render.developing import Box, develop
+from scenefold.render.film import Film
 from scenefold.render.job import Job
-from scenefold.render.numbers import camera_numbers, diagonal_of, job_box
+from scenefold.render.layers import packed
+from scenefold.render.numbers import camera_numbers, job_box
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
@@ -38,8 +40,6 @@ KEEP_S = 600.0
 """A finished image is kept this long for whoever asked for it,"""
 IDLE_S = 60.0
 """but so long without a question only as long as nobody needs its place: a client asks all the time."""
-LAYERS = (("beauty", 3), ("albedo", 3), ("normal", 3), ("depth", 1))
-"""The image as it is sent: these layers one after the other, float32, rows from the top."""
 
 
 class Organiser:
@@ -154,6 +154,7 @@ class Organiser:
 
     def _make_job(self, request: RenderRequest, tables: SceneTables) -> Job:
         options = request.options
+        check_layers_written(self._renderer, options.layers)
         camera = tables.camera(options.camera)
         if camera is None:
             names = ", ".join(repr(known.name) for known in tables.cameras)
@@ -192,6 +193,8 @@ class Organiser:
             nodes=nodes,
             partition=partition,
             head=request.head,
+            layers=options.layers,
+            crop=options.crop,
         )
 
     def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:
@@ -225,9 +228,7 @@ class Organiser:
             for neighbour in (part.me - 1, part.me + 1):
                 if 0 <= neighbour < len(job.nodes):
                     nursery.start_soon(part.collect_film, neighbour)
-        low, high = job_box(tables)
-        layers = await self._host.world.workers.run(FILM_LANE, part.member().film.layers, diagonal_of(low, high))
-        self.image = b"".join(_bytes_of(layers[name]) for name, _ in LAYERS)
+        self.image = await self._host.world.workers.run(FILM_LANE, _image, part.member().film, job.layers, job_box(tables))
 
     async def _of_all(self, packet: Packet, timeout_s: float) -> None:
         """Ask all nodes of the job; the first refusal is ours."""
@@ -282,8 +283,8 @@ class _Timed:
         self._organiser.note_seconds(self._name, self._organiser.now() - self._begun)
 
 
-def _bytes_of(layer: F32) -> bytes:
-    return np.ascontiguousarray(layer, "<f4").tobytes()
+def _image(film: Film, layers: Sequence[str], box: Box) -> bytes:
+    return packed(develop(film, layers, box))
 
 
 def _whole(value: Value | None) -> int:

@@ -14,7 +14,7 @@ from scenefold.render.passes import PassPlan
 PASSES_IN_FLIGHT = 2
 """Of each node's own passes: one closes while the next keeps everybody busy."""
 PASSES_IN_FLIGHT_OF_MANY = 1
-"""The same from NODES_MANY nodes on: every node keeps sums of every open pass, 4 MB a pass and thread."""
+"""The same from NODES_MANY nodes on: every node keeps sums of every open pass, 4 MB a pass and thread, 8 MB with all layers."""
 NODES_MANY = 16
 
 

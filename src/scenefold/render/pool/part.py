@@ -9,9 +9,10 @@ import trio
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import address_of
 from scenefold.base.reasons import RejectReason
-from scenefold.render.contract import OpenScene, Renderer
-from scenefold.render.film import BYTES_PER_PIXEL
+from scenefold.render.contract import OpenScene, Renderer, check_layers_written
+from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import Job
+from scenefold.render.layers import image_bytes
 from scenefold.render.pool.hold import Hold
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
@@ -22,8 +23,8 @@ from scenefold.world import DiskFailed, QuietLog
 
 MERGE_S_MAX = 600.0
 PART_S_MAX = 120.0
-FILM_SHARE = 1.5
-"""Memory for a film and the layers that it becomes at the end, in films."""
+IMAGE_COPIES = 3
+"""Of the image, in memory at the end: its layers, each of them as bytes, and all of these together."""
 
 
 class Phase(Enum):
@@ -178,6 +179,7 @@ class Part:
                 f"this node renders in the numeric class {mine}, the job in {job.numeric_class}",
                 remedy="install the same versions on all nodes",
             )
+        check_layers_written(self._renderer, job.layers)
         self._check_memory()
         async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
             loaded = await load_share(reader, host.world.workers, job, self.me)
@@ -199,10 +201,11 @@ class Part:
     def _check_memory(self) -> None:
         """LocalFault if the image alone is more than this node may hold; found out later, it would end the node."""
         job, may = self.job, self._host.memory_bytes
-        needs = int(job.width * job.height * BYTES_PER_PIXEL * FILM_SHARE)
+        pixels = job.window.pixels
+        needs = pixels * row_bytes(job.columns) + IMAGE_COPIES * image_bytes(job.layers, pixels)
         if needs > may:
             raise LocalFault(
-                f"an image of {job.width}x{job.height} takes {needs >> 20} MiB of each node's memory; this one may use {may >> 20} MiB",
+                f"an image of {job.window.width}x{job.window.height} takes {needs >> 20} MiB of each node's memory; this one may use {may >> 20} MiB",
                 remedy="render it smaller, with fewer nodes on one machine, or give the nodes more memory",
             )
 

@@ -9,10 +9,11 @@ from typing import Any
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.plain_values import exactly, number, text, whole
-from scenefold.render.job import HASH_BYTES, RenderOptions
+from scenefold.render.job import HASH_BYTES, RenderOptions, layers_of_row
 from scenefold.render.passes import place_of
 from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.sealed_keys import SealedKeys
+from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import pack_value
 
@@ -49,6 +50,8 @@ class RenderRequest:
                 "sky": [float(channel) for channel in options.sky],
                 "camera": options.camera,
                 "algorithm": options.algorithm,
+                "layers": list(options.layers),
+                "crop": None if options.crop is None else options.crop.row(),
             }
         )
 
@@ -67,6 +70,8 @@ class RenderRequest:
                 sky=(red, green, blue),
                 camera=None if camera is None else text(camera),
                 algorithm=text(document["algorithm"]),
+                layers=layers_of_row(document["layers"]),
+                crop=Window.of_row(document["crop"]),
             )
             request = cls(
                 job,

@@ -28,6 +28,7 @@ from scenefold.base.rays import KIND_POINT_SHADOW
 from scenefold.partition.kernels import exit_after, owner_ahead
 from scenefold.render.arrays import F32, F64, I64, U8, U16, U32, MaterialColumn, TextureColumn
 from scenefold.render.lanes_kernels import LANES
+from scenefold.render.pixel_kernels import pixel_of
 from scenefold.render.precise_kernels import path_key
 from scenefold.render.record_kernels import (
     end_of,
@@ -241,7 +242,6 @@ def cast_batch(  # type: ignore[no-untyped-def]
     keys = workspace.view(np.uint64)
     workspace[_CONTEXT + 15] = np.uint32(first_instance_id)
     low, high = job.box_low, job.box_high
-    pixels = job.width * job.height
     reach = 0.0
     for axis in range(3):
         reach = max(reach, max(abs(low[axis]), abs(high[axis])))
@@ -258,8 +258,8 @@ def cast_batch(  # type: ignore[no-untyped-def]
             continue
         ox, oy, oz = origin_of(rays, i)
         if see_through != 0:
-            number = first_path + path_of(rays, i)
-            keys[(_CONTEXT + 8) // 2] = path_key(job.seed, job.frame, (number % pixels) * job.stride % pixels, number // pixels)
+            pixel, sample = pixel_of(job, np.uint64(first_path + path_of(rays, i)))
+            keys[(_CONTEXT + 8) // 2] = path_key(job.seed, job.frame, pixel, sample)
             workspace[_CONTEXT + 10] = (rays[i, 8] >> np.uint32(8)) & np.uint32(0xFF)
         is_shadow = is_shadow_ray(rays, i)
         if is_shadow:

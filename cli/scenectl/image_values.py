@@ -1,0 +1,69 @@
+"""Values of options that say which part of an image is made, and of what it consists; see values.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+from scenectl.values import ONE_WORD, is_digits
+
+LAYER_NAMES = (
+    "emission",
+    "direct",
+    "indirect",
+    "albedo",
+    "normal",
+    "depth",
+    "position",
+    "object_id",
+    "material_id",
+    "samples",
+    "variance",
+)
+"""Layers that an EXR file may have beside the beauty. Tests hold it equal to scenefold.render.layers, slow to import."""
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Layers of an image beside its beauty: albedo,depth; or all; or none."""
+
+    names: tuple[str, ...]
+    """In the order of `LAYER_NAMES`."""
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        words = {"all": LAYER_NAMES, "none": ()}.get(text.strip().lower())
+        named = [word.strip() for word in text.split(",")] if words is None else list(words)
+        unknown = [name for name in named if name not in LAYER_NAMES]
+        if unknown:
+            raise ValueError(f"there is no layer {unknown[0]!r}: choose among {', '.join(LAYER_NAMES)}, or say all, or none")
+        if len(set(named)) != len(named):
+            raise ValueError("a layer stands there twice")
+        return cls(tuple(name for name in LAYER_NAMES if name in named))
+
+    def __str__(self) -> str:
+        return ",".join(self.names) or "none"
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of an image in pixels, from the upper left corner: 100,50,64,48."""
+
+    numbers: tuple[int, int, int, int]
+    """Left, top, width, height."""
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        words = [word.strip() for word in text.split(",")]
+        if len(words) != 4 or not all(map(is_digits, words)) or "0" in {word.lstrip("0") or "0" for word in words[2:]}:
+            raise ValueError(f"a crop is X,Y,WIDTH,HEIGHT in pixels, such as 100,50,64,48, not {text!r}")
+        left, top, width, height = map(int, words)
+        return cls((left, top, width, height))
+
+    def __str__(self) -> str:
+        return ",".join(map(str, self.numbers))
+
+
+USUAL_LAYERS = Layers(("albedo", "normal", "depth"))
+LayersOption = Annotated[Layers, ONE_WORD]
+CropOption = Annotated[Crop, ONE_WORD]
