@@ -44,7 +44,8 @@ _WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, Mater
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def is_see_through(row):  # type: ignore[no-untyped-def]
     """Whether anything can pass a material: float32[MaterialColumn.WIDTH]."""
-    return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and row[_METALLIC] < 1.0)
+    # A texture may take back what the factor says of metal.
+    return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and (row[_METALLIC] < 1.0 or row[_MR_TEXTURE] >= 0.0))
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)

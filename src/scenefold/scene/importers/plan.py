@@ -33,6 +33,7 @@ from scenefold.scene.importers.runs import Run, make_runs
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.importers.table_pages import table_pages
 from scenefold.scene.importers.tiling import tile_count, tiles_of
+from scenefold.scene.importers.unshown import unshown
 from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, TEXTURES, geometry_lattice, item_location
 from scenefold.scene.payloads.document import NOT_CARRIED_MAX, TABLES, SceneDocument, content_hash, encode_document
 from scenefold.scene.payloads.groups import ATOM_ROW, GROUP_ROW
@@ -279,7 +280,7 @@ class ImportPlan:
     @property
     def not_carried(self) -> tuple[str, ...]:
         """What the import leaves behind, in words."""
-        lines = list(self._source.not_carried)
+        lines = [*self._source.not_carried, *unshown(self._source)]
         if self._dropped:
             lines.append(f"triangles without area ({self._dropped})")
         if len(lines) > NOT_CARRIED_MAX:

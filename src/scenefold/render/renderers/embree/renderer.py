@@ -10,6 +10,7 @@ from scenefold.render.contract import HeldScene, Tracer
 from scenefold.render.renderers.embree import library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
 from scenefold.render.renderers.embree.tracer import EmbreeTracer
+from scenefold.render.sum_columns import FULL, SumColumns
 
 
 class EmbreeScene:
@@ -34,6 +35,10 @@ class EmbreeRenderer:
     def numeric_class(self) -> str:
         """See `Renderer`."""
         return library.numeric_class()
+
+    def columns(self) -> SumColumns:
+        """See `LayeredRenderer`."""
+        return FULL
 
     def open(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> EmbreeScene:
         """See `Renderer`."""
