@@ -74,9 +74,9 @@ def test_what_a_scene_consists_of_is_read_and_decided(studio: Studio) -> None:
     assert FIRST in str(decided.json)
     got = scenectl("data", "get", "files", "f1", "--scene", "hall", profile=studio.owner)
     assert got.out == b"before", got.err
-    # Whose place is whose, chance has decided; of some the first node is no holder.
-    puts = {place: put_at(studio, place) for place in ("1", "3", "5", "7", "9", "b", "d")}
-    assert "" in puts.values(), puts
+    # Whose place is whose, chance has decided: where the first node is a holder, it is named, and nothing else is in the way.
+    puts = {place: put_at(studio, place) for place in ("1", "5", "9", "d")}
+    assert all(FIRST in why for why in puts.values() if why), puts
 
 
 def put_at(studio: Studio, place: str) -> str:

@@ -110,7 +110,7 @@ def test_old_states_are_pruned_but_for_a_few_and_young_ones(home: Path) -> None:
 def test_numba_keeps_our_kernels_there(home: Path) -> None:
     code = (
         "from scenefold.base.kernel_cache import use_kernel_cache; use_kernel_cache(); "
-        "from scenefold.render.film_kernels import add_limbs; import numba; print(numba.config.CACHE_DIR, add_limbs._cache.cache_path)"
+        "from scenefold.render.film_kernels import add_pass; import numba; print(numba.config.CACHE_DIR, add_pass._cache.cache_path)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     folder, place = done.stdout.split()
