@@ -13,7 +13,7 @@ from dataclasses import replace
 import trio
 
 from scenefold.simulation.cluster import Cluster, Node
-from scenefold.simulation.disks import copies_of
+from scenefold.simulation.disks import copies_of, place_of
 from scenefold.simulation.faults import Fault, Kind
 from scenefold.simulation.link_faults import LinkFaults
 from scenefold.simulation.senate import is_voter
@@ -87,7 +87,7 @@ class CopiesFaults:
                 kept = [key for key in node.disk.peek(RECORDS) if space_of(key) in self._watch.keeping.rules]
                 victim = self._dice.choice(kept) if kept and self._dice.random() < 0.8 else None
                 if same is not None:
-                    others = [other for other in self._cluster.nodes.values() if other is not node and self._has_sound(other, same)]
+                    others = [other for other in self._cluster.nodes.values() if other is not node and self._keeps_sound(other, same)]
                     if not (others and self._has_sound(node, same)):
                         continue
                     victim = same
@@ -102,6 +102,9 @@ class CopiesFaults:
 
     def _has_sound(self, node: Node, key: bytes) -> bool:
         return key in node.disk.peek(RECORDS) and not self._watch.rot.has(node.slot, key)
+
+    def _keeps_sound(self, node: Node, key: bytes) -> bool:
+        return self._has_sound(node, key) and self._watch.keeping.holds(node.slot, place_of(key))
 
     def _rot_one(self, node: Node, victim: bytes | None, fault: Fault, *, has_begun: bool) -> bool:
         before = self._watch.records(node.slot)

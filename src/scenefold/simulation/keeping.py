@@ -17,7 +17,7 @@ from scenefold.base.location import Location
 from scenefold.simulation import laws
 from scenefold.simulation.copying import Rule, rack_of
 from scenefold.simulation.custody import Lost
-from scenefold.simulation.disks import Disk, found_at, incarnation_of, place_of, version_in
+from scenefold.simulation.disks import Disk, copies_of, found_at, incarnation_of, place_of, version_in
 from scenefold.simulation.history import Place, Version
 from scenefold.simulation.lies import Lies, Manner
 from scenefold.simulation.lineage import Holder
@@ -118,6 +118,13 @@ class Keeping:
             return []
         self._liars.setdefault(place, set()).add(slot)
         return self._lost(place)
+
+    def holds(self, slot: int, place: Place) -> bool:
+        """Whether what lies there lies on this disk by right, and is no stray."""
+        if self._owner_of(place.home) == slot:
+            return True
+        copies = copies_of(self._disks[slot])
+        return copies is not None and any(place.home in entry.arc for entry in copies.custody.entries)
 
     def is_liar(self, slot: int, place: Place) -> bool:
         return slot in self._liars.get(place, ())
@@ -260,12 +267,20 @@ class Keeping:
         return [lost for place in sorted(versions) for lost in self._lost(place)]
 
     def _lost(self, place: Place) -> list[Lost]:
-        """The highest version that was on as many disks as must be gone for that, if no member has it or a newer one."""
+        """The highest version that was on as many disks as must be gone for that, if no member has it or a newer one.
+
+        Who recovers a place asks all members; who heals what has rotted, others only in the end. So then a stray need not come back by that.
+        """
         highest = self._highest_gone(place)
         if highest is None:
             return []
         there = {slot: version for slot in self._disks if (version := self._sound(slot, place)) is not None}
-        alive = [version for slot, version in there.items() if self._counts(slot) and not self.is_liar(slot, place)]
+        has_rotted = any(self._is_rotten(slot, place) for slot in self._witnesses.get(place, {}))
+        alive = [
+            version
+            for slot, version in there.items()
+            if self._counts(slot) and not self.is_liar(slot, place) and (not has_rotted or self.holds(slot, place))
+        ]
         best = max(alive, default=None, key=order_of)
         if is_newer(best, highest):
             return []

@@ -2,7 +2,7 @@
 
 The signed header and its signature, without a ciphertext: proof that there was this version, and which one it was. It is stored like a
 record, so it counts in sums, answers as damaged, and is healed as any record that has rotted. It fills a place where nothing lies, and
-replaces nothing that is sound.
+replaces nothing that is sound; a wreck only if it comes from who decides about the place.
 """
 
 from __future__ import annotations
@@ -37,6 +37,9 @@ def keep_husk(transaction: WriteTransaction, tally: Tally, arc: Arc | None, put:
         keep_record(transaction, tally, spot, put.record, None)
         return PutResult(Outcome.STORED, header.digest, has_changed=True)
     remains = remains_of(value)
+    if remains is None and put.over_wreck:
+        keep_record(transaction, tally, spot, put.record, value)
+        return PutResult(Outcome.STORED, header.digest, has_changed=True)
     if remains is None or remains.header == header:
         # Of a wreck nobody knows which version it was: it says as much.
         return PutResult(Outcome.STORED, header.digest)

@@ -66,12 +66,14 @@ class Put:
     `at`: of a copy, where a node-managed record lies at the node that it comes from. Others lie where their header says.
     `debtors`: who is still to get it once it is here.
     `instead_of`: of a copy, the version that it may replace though it is older, where that has rotted and counted for nobody.
+    `over_wreck`: whether it comes from who decides about the place, so that it takes a wreck's place though it is a husk.
     """
 
     record: Record
     at: Location | None = None
     debtors: tuple[NodeId, ...] = ()
     instead_of: RecordHeader | None = None
+    over_wreck: bool = False
 
     @property
     def is_husk(self) -> bool:

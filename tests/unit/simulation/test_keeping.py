@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from scenefold.peer.copies.copies import Copies
+from scenefold.peer.copies.copies_note import encode_copies
+from scenefold.peer.copies.custody import Custody
+from scenefold.peer.copies.entries import Entry
 from scenefold.simulation import laws
 from scenefold.simulation.copying import Rule
 from scenefold.simulation.disks import records_of
@@ -11,8 +17,9 @@ from scenefold.simulation.history import Loss
 from scenefold.simulation.keeping import RECENT_S
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.passed import LATELY_S
-from scenefold.store.layout import RECORDS
-from unit.simulation.test_watch import HERE, PLACE, SCENE, SPACE, Stage, member, record, rots, version
+from scenefold.store.layout import HOLDING, IDENTITY, RECORDS
+from scenefold.store.sealing import sealed
+from unit.simulation.test_watch import HERE, LEFT, MIDDLE, PLACE, RIGHT, SCENE, SPACE, Stage, member, record, rots, version
 
 OWNER = 1
 
@@ -47,6 +54,15 @@ def loses(stage: Stage, slot: int) -> None:
     before = records_of(stage.machines[slot])
     stage.machines[slot].tables[RECORDS] = {}
     stage.watch.disk_replaced(slot, before, member(slot).incarnation, "is lost")
+
+
+def holds(stage: Stage, slot: int) -> None:
+    """It has custody of the place."""
+    machine, me = stage.machines[slot], member(slot)
+    entry = Entry((LEFT.last, MIDDLE), RIGHT, 1, (member(OWNER), me), 2, whole=True)
+    note = encode_copies(replace(Copies.of(me), custody=Custody((entry,))))
+    machine.tables[HOLDING][b"copies"] = sealed(HOLDING, b"copies", note)
+    machine.tables[IDENTITY][b"node"] = sealed(IDENTITY, b"node", me.node.to_bytes(4, "big"))
 
 
 def losses(stage: Stage) -> list[Loss]:
@@ -253,7 +269,26 @@ def test_what_is_lost_since_other_copies_have_rotted_is_told_apart(rotten: tuple
 
 def test_what_enough_lost_disks_explain_is_no_loss_by_rot() -> None:
     stage = told(stage_with(0, 1, 2))
+    holds(stage, 2)
     rots(stage, 0)
     loses(stage, 1)
     loses(stage, 2)
     assert losses(stage) and PLACE not in stage.watch.keeping.by_rot
+
+
+@pytest.mark.parametrize("is_stray", [True, False])
+def test_where_all_who_hold_it_have_it_rotten_a_stray_is_no_proof_that_nothing_is_lost(is_stray: bool) -> None:
+    stage = told(stage_with(0, 1, 2))
+    holds(stage, 2)
+    if not is_stray:
+        holds(stage, 0)
+    rots(stage, 1)
+    rots(stage, 2)
+    assert [(loss.left, loss.or_nothing) for loss in losses(stage)] == ([((version(1),), True)] if is_stray else [])
+
+
+def test_one_that_all_are_asked_for_is() -> None:
+    stage = told(stage_with(0, 1, 2))
+    loses(stage, 1)
+    loses(stage, 2)
+    assert losses(stage) == []

@@ -79,6 +79,25 @@ async def test_of_what_has_rotted_the_newer_is_kept_and_a_wreck_stays_as_it_is(t
         assert await store.record_headers([Spot(place(2))]) == [None]
 
 
+@SAID
+async def test_who_decides_about_a_place_has_it_take_a_wrecks(tmp_path: Path) -> None:
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([Put(THERE), Put(record(2, seq=5))])
+    rot(tmp_path, RECORDS, record_key(place(1)), bit=HEADER_BIT)
+    async with whole_store(world(), tmp_path) as store:
+        assert await is_rotten(store)
+        decided = replace(husk_of(THERE), over_wreck=True)
+        assert [one.has_changed for one in await store.merge([decided])] == [True]
+        assert await store.record_headers([SPOT]) == [THERE.header_bytes]
+        assert await is_rotten(store)
+        sound = replace(husk_of(record(2, seq=9)), over_wreck=True)
+        assert [one.outcome for one in await store.merge([sound])] == [Outcome.DAMAGED], "it replaces nothing that is sound"
+        with_husk = await store.sums(SCENE, SPACE, [WHOLE_LINE])
+        assert [one.has_changed for one in await store.merge([Put(THERE)])] == [True]
+        assert await store.sums(SCENE, SPACE, [WHOLE_LINE]) == with_husk, "it counted once"
+        assert not store.noticed.is_rotten(SPOT)
+
+
 async def test_what_is_left_is_told_of_whatever_has_a_sound_header(tmp_path: Path) -> None:
     async with whole_store(world(), tmp_path) as store:
         await store.put([Put(THERE), Put(record(2))])

@@ -37,7 +37,7 @@ from scenefold.peer.replication.healing_given_up import QUEUE_MAX, GivenUp
 from scenefold.peer.replication.healing_sources import Sources, sources_of
 from scenefold.store import Put, PutResult, Spot
 from scenefold.store.debts import Debt
-from scenefold.wire import FetchHeld, HeldFetched, RecordEntry
+from scenefold.wire import FetchHeld, HeldFetched, Member, RecordEntry
 from scenefold.world import Priority, first_of
 
 TRIES_MAX = 20
@@ -185,8 +185,8 @@ class Healing:
         debt: Debt | None = None
         older: list[Offer] = []
         (header,) = await parts.store.record_headers([spot])
-        if header is not None:
-            known = rank_of(told_version(header))
+        known = None if header is None else rank_of(told_version(header))
+        if known is not None:
             heard, have_all_answered = await self._asking.offers(spot, sources.members)
             offers = [offer for offer in heard if offer.rank >= known]
             older = [offer for offer in heard if offer.rank < known]
@@ -200,7 +200,13 @@ class Healing:
             heard, have_all_answered, debt = await self._asking.heard(spot, sources, debt)
             offers = [offer for offer in heard if debt is not None or offer.rank == heard[0].rank]
         have_all_answered &= await self._take_one(spot, offers, sources, debt)
-        if have_all_answered and sources.is_nowhere_else and self._tries.get(spot, 0) + 1 >= DENIED_TRIES_MAX:
+        if have_all_answered and sources.is_own and self._is_to_be_given_up(spot) and await self._is_rotten(spot):
+            # Somebody else may have it as a stray. Who does not answer brings it home later.
+            least = known if known is not None else offers[0].rank if offers and debt is None else None
+            strays = await self._asking.anywhere(spot, self._all_but(sources.members))
+            fitting = [offer for offer in strays if least is None or offer.rank >= least]
+            have_all_answered &= await self._take_one(spot, fitting, sources, debt)
+        if have_all_answered and sources.is_nowhere_else and self._is_last_try(spot):
             # It was never acknowledged, and nobody got it since: the newest that they have is what counted before.
             if debt is not None:
                 have_all_answered &= await self._take_one(spot, _newest(offers), sources, None)
@@ -210,6 +216,20 @@ class Healing:
             parts.events["healed"] += 1
             return _Verdict.OVER
         return _Verdict.DENIED if have_all_answered else _Verdict.NOT_NOW
+
+    def _is_last_try(self, spot: Spot) -> bool:
+        """Whether it is given up now, if all have answered, and nobody could give it."""
+        return self._tries.get(spot, 0) + 1 >= DENIED_TRIES_MAX
+
+    def _is_to_be_given_up(self, spot: Spot) -> bool:
+        """Likewise, for the first time."""
+        return self._is_last_try(spot) and not self._parts.store.noticed.is_given_up(spot)
+
+    def _all_but(self, members: Sequence[Member]) -> list[Member]:
+        """All others that are registered."""
+        registry, asked = self._parts.cluster_log.registry, {self._parts.own.me, *(member.node for member in members)}
+        found = [registry.current(node) for node in registry.members if node not in asked]
+        return [registered.member for registered in found if registered is not None]
 
     async def _is_told_to_nobody(self, spot: Spot, header: bytes) -> bool:
         """Whether this version is owed, unsettled, and waited for by no writer; and nothing else of it, or newer, is on its way."""

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
+import trio
+
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.versions import Rank, rank_of
@@ -45,6 +47,20 @@ class Asking:
                 answered += 1
         return _newest_first(offers), answered == len(members)
 
+    async def anywhere(self, spot: Spot, members: Sequence[Member]) -> list[Offer]:
+        """Likewise, all at once, of as many as answer."""
+        offers: list[Offer] = []
+
+        async def ask(member: Member) -> None:
+            with suppress(Refused, Unreachable, PeerFault):
+                offer = await self._ask(spot, member)
+                offers.extend([] if offer is None else [offer])
+
+        async with trio.open_nursery() as nursery:
+            for member in members:
+                nursery.start_soon(ask, member)
+        return _newest_first(offers)
+
     async def heard(self, spot: Spot, sources: Sources, debt: Debt | None) -> tuple[list[Offer], bool, Debt | None]:
         """What lay there or newer, of all who have it, the newest first; whether all have answered; and the debt, if only it says what lay there.
 
@@ -82,4 +98,4 @@ class Asking:
 
 
 def _newest_first(offers: Iterable[Offer]) -> list[Offer]:
-    return sorted(offers, key=lambda offer: offer.rank, reverse=True)
+    return sorted(offers, key=lambda offer: (offer.rank, offer.member.node), reverse=True)

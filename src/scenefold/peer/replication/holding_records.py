@@ -82,7 +82,8 @@ class HoldingRecords:
             if isinstance(verdict, Refused):
                 problems[index] = verdict
             else:
-                puts.append((index, _at_home(verdict, items[index])))
+                # The owner decides what lies here: where this node knows less, that is what it says.
+                puts.append((index, replace(_at_home(verdict, items[index]), over_wreck=True)))
         results = await self._parts.store.merge([put for _, put in puts]) if puts else []
         for (index, _), result in zip(puts, results, strict=True):
             if result.outcome in (Outcome.STORED, Outcome.STALE):

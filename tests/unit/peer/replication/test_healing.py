@@ -13,11 +13,13 @@ from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record, wanted_place
 from scenefold.peer.line.ends import Side
+from scenefold.peer.line.strays import Strays
 from scenefold.peer.replication import healing
+from scenefold.peer.replication.healing_asking import Asking, Offer
 from scenefold.peer.replication.healing_sources import sources_of
 from scenefold.peer.replication.lane import item_of
 from scenefold.store import Put, Spot
-from scenefold.wire import HandRecords, PutManyReply
+from scenefold.wire import HandRecords, Member, PutManyReply
 from scenefold.world import Priority
 from unit.peer.line.street import places, rot
 from unit.peer.replication.terrace import OBJECTS, SPACE, THIRDS, Home, Terrace, object_record, record_at
@@ -182,6 +184,61 @@ def test_what_nobody_else_ever_had_gives_way_to_the_newest_that_others_have() ->
         await until(lambda: not any(first.store.owed.values()), 120.0)
 
     played(main, seed=20)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+@pytest.mark.parametrize("byte", [HEADER_BYTE, LAST_BYTE])
+def test_what_all_who_hold_it_have_lost_comes_from_whoever_has_it_as_a_stray(byte: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def brings_nothing(_strays: Strays) -> int:
+        return 0
+
+    monkeypatch.setattr(Strays, "_look", brings_nothing)
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1)
+        holders = holders_of(terrace, first, place)
+        stranger = next(home for home in terrace.homes if home is not first and home not in holders)
+        for home in holders:
+            await home.store.remove([(home.spot(place), record_at(place).header.digest)])
+        await stranger.store.merge([Put(record_at(place))])
+        rot(first, [place], byte)
+        await first.store.read([first.spot(place)])
+        await until_sound(first, place)
+        assert not first.replication.healing.unhealed
+
+    played(main, seed=19)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_no_older_stray_takes_the_place_of_what_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    anywhere = Asking.anywhere
+
+    async def heard(self: Asking, spot: Spot, members: Sequence[Member]) -> list[Offer]:
+        offers = await anywhere(self, spot, members)
+        asked.append(len(offers))
+        return offers
+
+    monkeypatch.setattr(Asking, "anywhere", heard)
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        (place,) = await filled(terrace, 1, seq=2)
+        holders = holders_of(terrace, first, place)
+        stranger = next(home for home in terrace.homes if home is not first and home not in holders)
+        for home in holders:
+            rot(home, [place], LAST_BYTE)
+        await stranger.store.merge([Put(record_at(place))])
+        rot(first, [place], HEADER_BYTE)
+        await first.store.read([first.spot(place)])
+        await until(lambda: first.replication.healing.unhealed == 1, 120.0)
+        assert asked[0] == 1, "the stray was not met"
+        assert not await is_sound(first, place)
+        await first.store.merge([Put(record_at(place, seq=2))])
+        await until_sound(first, place, seq=2)
+
+    played(main, seed=19)
 
 
 @pytest.mark.expect_log("damaged|rotten|changed")

@@ -234,3 +234,23 @@ def test_only_what_its_writer_signed_is_taken_and_only_where_it_can_mean_somethi
         assert outcome.reason == RejectReason.ILL_FORMED
 
     played(main, is_quiet=True, homes=3, seed=25)
+
+
+@SAID
+def test_a_holder_that_has_a_wreck_keeps_what_the_owner_knows_of_it() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        owner, holder = terrace.homes[:2]
+        await entrust(terrace)
+        record = record_at(places(arc_of(owner), 1)[0], seq=2)
+        place = record.header.location
+        await holder.store.merge([Put(record_at(place))])
+        rot(holder, [place], HEADER_BYTE)
+        assert await holder.store.record_headers([holder.spot(place)]) == [None]
+        husk = replace(item_of(record), ciphertext=b"")
+        assert (await holder.asked(StoreCopies(owner.member, (husk,)), owner.node)).reasons == (0,)
+        assert await holder.store.record_headers([holder.spot(place)]) == [record.header_bytes]
+        assert isinstance(await seq_at(holder, place), DamagedData)
+        assert (await holder.asked(StoreCopies(owner.member, (item_of(record),)), owner.node)).reasons == (0,)
+        assert await seq_at(holder, place) == 2
+
+    played(main, is_quiet=True, homes=3, seed=26)
