@@ -178,8 +178,10 @@ class Scenes:
             if before is not None and alone and await self._log_of(before.public) is not None:
                 # Only an older disk forgets what was decided. The log that is here goes with the header of before.
                 _log.warning("scene %08x: this node has decided position %d and forgotten it", public.scene, public.position)
-            await self._store.put_header(public.scene, public.encode())
-            self.take(scene)
+            with trio.CancelScope(shield=True):
+                # It may be durable though this is cancelled: then an older one would be kept after it, or another one be decided beside it.
+                await self._store.put_header(public.scene, public.encode())
+                self.take(scene)
 
     async def _decide(self, packet: ProposeSceneLog) -> KnownScene:
         self._check_changes(packet)
@@ -193,8 +195,9 @@ class Scenes:
             known = self._known.get(packet.public.scene)
             scene = await self._judged(packet, known)
             if scene is not known:
-                await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
-                self.take(scene)
+                with trio.CancelScope(shield=True):
+                    await self._store.put_scene_log(packet.public.scene, scene.public.encode(), packet.private)
+                    self.take(scene)
                 if known is not None:
                     self._changes.count(known, scene.public, self._world.clock.now())
             return scene
