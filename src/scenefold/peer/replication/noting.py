@@ -6,7 +6,7 @@ Told, so that it is known as long as any of them is: who notes it may be the nex
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -75,15 +75,14 @@ class Noting:
             changed, registry = self._changed, self._parts.cluster_log.registry
             own = {id_of(loss): loss for loss in self.kept if loss.noted_by == self._parts.own.me}
             others = [Member(node, found.incarnation) for node in registry.members if (found := registry.current(node)) is not None]
-            waiting = False
-            for member in others:
-                new = [name for name in own if (member, name) not in told]
-                if not new or member == self._parts.own.member:
-                    continue
-                if await self._tell(member, [own[name] for name in new]):
-                    told.update((member, name) for name in new)
-                else:
-                    waiting = True
+            told &= {(member, name) for member in others for name in own}
+            async with trio.open_nursery() as nursery:
+                # All at once: those who do not answer keep nobody waiting.
+                for member in others:
+                    new = [name for name in own if (member, name) not in told]
+                    if new and member != self._parts.own.member:
+                        nursery.start_soon(self._tell, member, {name: own[name] for name in new}, told)
+            waiting = any((member, name) not in told for member in others for name in own if member != self._parts.own.member)
             pause = partial(self._parts.world.clock.sleep, TELL_AGAIN_S) if waiting else trio.sleep_forever
             # Who has joined since is told as well.
             await first_of(pause, changed.wait, partial(self._parts.cluster_log.changed_after, registry.position))
@@ -94,13 +93,13 @@ class Noting:
 
     # --------------------------------------------------------------------------------------------------- helpers
 
-    async def _tell(self, member: Member, losses: Sequence[NotedLoss]) -> bool:
+    async def _tell(self, member: Member, losses: Mapping[bytes, NotedLoss], told: set[tuple[Member, bytes]]) -> None:
         try:
-            await self._parts.peers.ask(member.node, Priority.LOW, TellLosses(tuple(losses)), LossesKept, TELL_S_MAX)
+            await self._parts.peers.ask(member.node, Priority.LOW, TellLosses(tuple(losses.values())), LossesKept, TELL_S_MAX)
         except (Refused, Unreachable, PeerFault) as problem:
             _log.debug("%s does not hear what may be lost: %s", address_of(member.node), problem)
-            return False
-        return True
+            return
+        told.update((member, name) for name in losses)
 
     async def _on_told(self, packet: TellLosses, peer: str) -> LossesKept:
         if any(loss.noted_by != node_of(peer) for loss in packet.losses):

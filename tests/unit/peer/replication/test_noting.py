@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import trio
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.peer.cluster_log.registered import DRAINED
 from scenefold.peer.copies.losses import Loss
+from scenefold.peer.replication.noting import TELL_S_MAX
 from scenefold.wire import AcknowledgeLosses, Member, NotedLoss, RemoveNode, TellLosses
 from scenefold.wire.copy_packets import Span
 from unit.peer.replication.heirs import Estate, Heir, inherit, spread, until
@@ -141,6 +143,32 @@ def test_all_others_keep_it_until_it_is_acknowledged() -> None:
         await witness.up.wait()
         await witness.replication.noting.load()
         assert witness.noted == []
+
+    inherit(story)
+
+
+def test_those_who_do_not_answer_keep_nobody_from_hearing_of_it() -> None:
+    async def story(estate: Estate) -> None:
+        heir, last = estate.homes[3], estate.homes[-1]
+        asked: list[NodeId] = []
+        ask = heir.replication.noting._parts.peers.ask
+
+        async def silent(member: NodeId, *question: Any) -> Any:
+            asked.append(member)
+            if member == last.node:
+                return await ask(member, *question)
+            await trio.sleep(TELL_S_MAX)
+            raise Unreachable("silent")
+
+        heir.replication.noting._parts.peers.ask = silent  # type: ignore[method-assign]
+        await heir.replication.noting.note([Loss(3, False, (estate.homes[4].member,), (arc_of(heir),))])
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(heir.replication.noting.run)
+            with trio.fail_after(TELL_S_MAX / 2):
+                await until(lambda: last.noted == heir.noted)
+            await until(lambda: len(asked) > len(estate.homes))
+            nursery.cancel_scope.cancel()
+        assert asked.count(last.node) == 1, "who has confirmed it is not told again"
 
     inherit(story)
 
