@@ -1,0 +1,261 @@
+"""How fast `embree` makes an image, and how fast an image of equal error, beside Mitsuba 3 and Cycles.
+
+    python benchmarks/beside_renderers.py cornell bmw27.glb --diffuse --size 512x512 --samples 64 --cycles BPYENV/bin/python
+
+All renderers are given the same triangles, lights, camera, depth and start of roulette, and take turns: one image each, of a seed of its
+own, again and again. What comes once (reading the scene, building its hierarchy, compiling kernels) is not counted.
+The error of an image is told from how images of different seeds scatter around their mean: every renderer is its own reference, so it
+counts noise and not what models differ in. Pixels weigh by their own brightness, and the noisiest thousandth is left out.
+
+`--diffuse` has every surface reflect its base colour evenly, in all renderers: what is compared then is tracing and not shading.
+Without it, Cycles is left out, since its surfaces are others. Ends with 77 and a reason where Mitsuba is missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+import trio
+
+from cycles_process import Cycles
+from mitsuba_rays import rays_per_path
+from plain_surfaces import all_diffuse, mitsuba_scene
+from scenefold.base.errors import LocalFault
+from scenefold.base.kernel_cache import use_kernel_cache
+from scenefold.render.contract import load_renderer
+from scenefold.render.developing import develop
+from scenefold.render.film import Film
+from scenefold.render.in_memory import OneNodeJob, one_node_job
+from scenefold.render.job import RenderOptions
+from scenefold.render.numbers import job_box, job_numbers
+from scenefold.render.pass_sums import PassSums
+from scenefold.render.renderers.mitsuba.library import Mitsuba, load
+from scenefold.render.renderers.mitsuba.scenes import scene_of
+from scenefold.render.renderers.mitsuba.views import sensor_of
+from scenefold.scene.cornell import cornell_box
+from scenefold.world import offline_world
+
+F64 = npt.NDArray[np.float64]
+SKIPPED = 77
+ROULETTE_FROM = 3
+NOISIEST = 1e-3
+"""Share of pixels that is left out of an error: a firefly more or less would decide it."""
+_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+
+
+class Renders(Protocol):
+    """One renderer with one scene."""
+
+    name: str
+
+    def image(self, seed: int) -> F64:
+        """float64[H, W, 3]"""
+
+    def rays(self) -> float | None:
+        """Segments and shadow rays a path; None if it does not say."""
+
+
+class Ours:
+    """`embree`, through the renderer's contract, with as many threads as a node would take."""
+
+    name = "embree"
+
+    def __init__(self, one: OneNodeJob, threads: int) -> None:
+        self._one, self._threads = one, threads
+        self._numbers, self._plan = job_numbers(one.job, one.loaded.tables), one.job.plan
+        self._box = job_box(one.loaded.tables)
+        self._count = 0.0
+
+    def image(self, seed: int) -> F64:
+        numbers = job_numbers(replace(self._one.job, seed=seed), self._one.loaded.tables)
+        opened = load_renderer("embree").open(self._one.loaded.held, numbers, self._one.job.partition, 0)
+        film, lock, free = Film(numbers.width, numbers.height), threading.Lock(), list(opened.tracers(self._threads))
+        traced = 0
+
+        def trace(number: int) -> None:
+            nonlocal traced
+            with lock:
+                tracer = free.pop()
+            first, count = self._plan.first_path(number), self._plan.size(number)
+            sums = PassSums.zeros(count)
+            done = [tracer.advance(batch, first, sums) for batch in tracer.generate(first, count).values()]
+            with lock:
+                free.append(tracer)
+                film.add(sums, first, numbers.stride)
+                traced += sum(batch.casts for batch in done)
+
+        with ThreadPoolExecutor(self._threads) as pool:
+            list(pool.map(trace, range(self._plan.count)))
+        opened.close()
+        self._count = traced / (numbers.width * numbers.height * numbers.samples)
+        return np.asarray(develop(film, ("beauty",), self._box)["beauty"], np.float64)
+
+    def rays(self) -> float | None:
+        return self._count
+
+
+class Theirs:
+    """Mitsuba: its own sensor, sampler and integrator."""
+
+    name = "mitsuba"
+
+    def __init__(self, mitsuba: Mitsuba, one: OneNodeJob, threads: int, *, is_diffuse: bool) -> None:
+        self._mitsuba, self._samples, self._depth = mitsuba, one.job.samples, one.job.depth
+        mitsuba.dr.set_thread_count(threads)
+        build = mitsuba_scene if is_diffuse else scene_of
+        self._scene = build(mitsuba, one.loaded.held, one.loaded.numbers)
+        self._sensor = sensor_of(mitsuba, one.loaded.numbers)
+        kind = "path" if is_diffuse else "volpath"
+        self._integrator = mitsuba.mi.load_dict({"type": kind, "max_depth": self._depth, "rr_depth": ROULETTE_FROM})
+
+    def image(self, seed: int) -> F64:
+        image = self._mitsuba.mi.render(self._scene, sensor=self._sensor, integrator=self._integrator, spp=self._samples, seed=seed)
+        return np.array(image, np.float64)[..., :3]
+
+    def rays(self) -> float | None:
+        return rays_per_path(self._mitsuba, self._scene, self._sensor, self._depth, ROULETTE_FROM)
+
+
+def main() -> int:
+    options = _options()
+    use_kernel_cache()
+    try:
+        mitsuba = load()
+    except LocalFault as fault:
+        print(f"skipped: {fault}", file=sys.stderr)
+        return SKIPPED
+    for scene in options.scenes:
+        with ExitStack() as stack:
+            report = _compare(mitsuba, scene, options, stack)
+        print(json.dumps(report) if options.json else _lines(report), flush=True)
+    return 0
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("scenes", nargs="+", help="scene files, or cornell")
+    parser.add_argument("--size", default="256x256", help="pixels, width x height")
+    parser.add_argument("--samples", type=int, default=64, help="a pixel, of each image")
+    parser.add_argument("--images", type=int, default=6, help="of each renderer, after one that does not count; at least 2")
+    parser.add_argument("--depth", type=int, default=8)
+    parser.add_argument("--sky", default="0,0,0", help="radiance, three numbers")
+    parser.add_argument("--camera", default=None)
+    parser.add_argument("--threads", type=int, default=1, help="of each renderer")
+    parser.add_argument("--diffuse", action="store_true", help="every surface reflects its base colour evenly")
+    parser.add_argument("--cycles", default=None, help="a Python that has the package bpy")
+    parser.add_argument("--json", action="store_true")
+    return parser.parse_args()
+
+
+def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: ExitStack) -> dict[str, Any]:
+    width, height = (int(side) for side in options.size.split("x"))
+    red, green, blue = (float(channel) for channel in options.sky.split(","))
+    asked = RenderOptions(
+        width=width, height=height, samples=options.samples, depth=options.depth, sky=(red, green, blue), camera=options.camera, layers=()
+    )  # fmt: skip
+    one = _import(scene, asked)
+    if options.diffuse:
+        one = replace(one, loaded=replace(one.loaded, held=all_diffuse(one.loaded.held)))
+    renderers: list[Renders] = [Ours(one, options.threads), Theirs(mitsuba, one, options.threads, is_diffuse=options.diffuse)]
+    if options.cycles and options.diffuse:
+        renderers.append(stack.enter_context(Cycles(options.cycles, one, options.threads, ROULETTE_FROM)))
+    seconds: dict[str, list[float]] = {renderer.name: [] for renderer in renderers}
+    images: dict[str, list[F64]] = {renderer.name: [] for renderer in renderers}
+    for number in range(options.images + 1):
+        for renderer in renderers:
+            begun = time.perf_counter()
+            image = renderer.image(1 + number)
+            took_s = time.perf_counter() - begun
+            if number:
+                seconds[renderer.name].append(took_s)
+                images[renderer.name].append(image)
+    paths = width * height * options.samples
+    found = {
+        renderer.name: _measured(paths, seconds[renderer.name], np.array(images[renderer.name]), renderer.rays()) for renderer in renderers
+    }
+    ours = found["embree"]
+    return {
+        "scene": "cornell" if scene == "cornell" else Path(scene).stem,
+        "triangles": one.loaded.share.instanced_triangles,
+        "size": [width, height],
+        "samples": options.samples,
+        "depth": options.depth,
+        "threads": options.threads,
+        "diffuse": options.diffuse,
+        "renderers": found,
+        "ours_of_theirs": {
+            name: {
+                "paths_per_s": ours["paths_per_s"] / other["paths_per_s"],
+                "speed_to_equal_error": other["error_seconds"] / ours["error_seconds"],
+            }
+            for name, other in found.items()
+            if name != "embree"
+        },
+    }
+
+
+def _import(scene: str, asked: RenderOptions) -> OneNodeJob:
+    numeric_class = load_renderer("embree").numeric_class()
+    with tempfile.TemporaryDirectory(prefix="beside-") as place:
+        file = Path(scene)
+        if scene == "cornell":
+            file = Path(place) / "cornell.glb"
+            file.write_bytes(cornell_box())
+        return trio.run(partial(one_node_job, file, asked, numeric_class, offline_world().workers))
+
+
+def _measured(paths: int, seconds: list[float], images: F64, rays: float | None) -> dict[str, Any]:
+    middle = float(np.median(seconds))
+    error = _error(images)
+    return {
+        "seconds": [min(seconds), middle, max(seconds)],
+        "paths_per_s": paths / middle,
+        "rays_per_path": rays,
+        "mean": float((images @ _WEIGHTS).mean()),
+        "error": error,
+        "error_seconds": error * middle,
+    }
+
+
+def _error(images: F64) -> float:
+    """The variance of one image, relative to its brightness, of all pixels but the noisiest."""
+    light = images @ _WEIGHTS
+    mean, variance = light.mean(axis=0), light.var(axis=0, ddof=1)
+    relative = np.sort((variance / (mean**2 + (0.01 * light.mean()) ** 2)).ravel())
+    return float(relative[: max(1, round(len(relative) * (1 - NOISIEST)))].mean())
+
+
+def _lines(report: dict[str, Any]) -> str:
+    lines = [
+        f"{report['scene']}: {report['triangles']:,} triangles, {report['size'][0]} x {report['size'][1]}, {report['samples']} samples, "
+        f"depth {report['depth']}, {report['threads']} thread(s){', all diffuse' if report['diffuse'] else ''}"
+    ]
+    for name, found in report["renderers"].items():
+        least, middle, most = found["seconds"]
+        rays = "" if found["rays_per_path"] is None else f", {found['rays_per_path']:.2f} rays a path"
+        lines.append(
+            f"  {name:8} {found['paths_per_s'] / 1e6:6.3f} M paths/s ({middle:.2f} s, {least:.2f} to {most:.2f}){rays}, "
+            f"mean {found['mean']:.4g}, error {found['error']:.3e}"
+        )
+    for name, ratio in report["ours_of_theirs"].items():
+        lines.append(
+            f"  beside {name}: {ratio['paths_per_s']:.2f} times the paths, {ratio['speed_to_equal_error']:.2f} times as fast to equal error"
+        )
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,74 @@
+"""A scene whose surfaces all reflect their base colour evenly, for us and for Mitsuba, by what each is quickest with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from scenefold.render.arrays import JobNumbers, MaterialColumn
+from scenefold.render.contract import HeldScene
+from scenefold.render.flat import FlatTriangles, flat_triangles
+from scenefold.render.renderers.mitsuba.library import Mitsuba
+
+_PLAIN = {
+    MaterialColumn.METALLIC: 0.0,
+    MaterialColumn.ROUGHNESS: 1.0,
+    MaterialColumn.TRANSMISSION: 0.0,
+    MaterialColumn.IOR: 1.0,
+    MaterialColumn.ALPHA_MODE: 0.0,
+    MaterialColumn.BASE_TEXTURE: -1.0,
+    MaterialColumn.METALLIC_ROUGHNESS_TEXTURE: -1.0,
+    MaterialColumn.CLEARCOAT: 0.0,
+    MaterialColumn.UNLIT: 0.0,
+}
+"""A dielectric of index 1 reflects nothing, so that the body beneath is all there is."""
+_USES = slice(MaterialColumn.BASE_USE, MaterialColumn.SPECULAR_COLOR_USE + 1)
+
+
+def all_diffuse(held: HeldScene) -> HeldScene:
+    """The same scene, with other materials."""
+    materials = held.arrays.materials.copy()
+    for column, value in _PLAIN.items():
+        materials[:, column] = value
+    materials[:, _USES] = -1.0
+    return replace(held, arrays=held.arrays._replace(materials=materials))
+
+
+def mitsuba_scene(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any:
+    """The `mi.Scene`, of Mitsuba's own `diffuse` and `area`."""
+    mi = mitsuba.mi
+    parts: dict[str, Any] = {"type": "scene"}
+    flat = flat_triangles(held)
+    for material in np.unique(flat.materials):
+        row = held.arrays.materials[int(material)]
+        radiance = row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3]
+        mine = flat.materials == material
+        smooth = mine & (np.abs(flat.normals).max(axis=2) > 0).all(axis=1) & (radiance.max() <= 0.0)
+        for name, chosen in (("flat", mine & ~smooth), ("smooth", smooth)):
+            if chosen.any():
+                triangles = FlatTriangles(*(column[chosen] for column in flat))
+                parts[f"mesh_{material}_{name}"] = _mesh(mi, triangles, row, radiance, has_normals=name == "smooth")
+    if float(numbers.sky.max()) > 0.0:
+        parts["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": numbers.sky.tolist()}}
+    return mi.load_dict(parts)
+
+
+def _mesh(mi: Any, triangles: FlatTriangles, row: Any, radiance: Any, *, has_normals: bool) -> Any:
+    properties = mi.Properties()
+    color = [float(value) for value in row[MaterialColumn.BASE : MaterialColumn.BASE + 3]]
+    properties["mesh_bsdf"] = mi.load_dict(
+        {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": color}}}
+    )
+    if radiance.max() > 0.0:
+        properties["mesh_emitter"] = mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": [float(one) for one in radiance]}})
+    count = 3 * len(triangles.materials)
+    mesh = mi.Mesh("plain", count, count // 3, properties, has_vertex_normals=has_normals)
+    buffers = mi.traverse(mesh)
+    buffers["vertex_positions"] = triangles.positions.ravel()
+    buffers["faces"] = np.arange(count, dtype=np.uint32)
+    if has_normals:
+        buffers["vertex_normals"] = triangles.normals.ravel()
+    buffers.update()
+    return mesh
