@@ -25,7 +25,7 @@ LAYER_NAMES = (
 
 @dataclass(frozen=True)
 class Layers:
-    """Layers of an image beside its beauty: albedo,depth; or all; or none."""
+    """Layers of an image beside its beauty, which is always there: albedo,depth; or all; or none."""
 
     names: tuple[str, ...]
     """In the order of `LAYER_NAMES`."""
@@ -34,6 +34,8 @@ class Layers:
     def parse(cls, text: str) -> Self:
         words = {"all": LAYER_NAMES, "none": ()}.get(text.strip().lower())
         named = [word.strip() for word in text.split(",")] if words is None else list(words)
+        # It is always there, so whoever names it is right.
+        named = [name for name in named if name != "beauty"]
         unknown = [name for name in named if name not in LAYER_NAMES]
         if unknown:
             raise ValueError(f"there is no layer {unknown[0]!r}: choose among {', '.join(LAYER_NAMES)}, or say all, or none")

@@ -20,7 +20,8 @@ def test_layers_are_named_in_any_order_and_made_in_one() -> None:
     assert Layers.parse("samples, albedo").names == in_order(("samples", "albedo")) == ("albedo", "samples")
     assert Layers.parse("all").names == BESIDE and Layers.parse("none").names == ()
     check_layers(BESIDE)
-    for wrong in ("", "beauty", "albedo,", "albedo,albedo", "all,albedo", "shine"):
+    assert Layers.parse("beauty").names == () and Layers.parse("beauty,depth").names == ("depth",), "it is always there"
+    for wrong in ("", "albedo,", "albedo,albedo", "all,albedo", "shine"):
         with pytest.raises(ValueError):
             Layers.parse(wrong)
     for names in (("beauty",), ("shine",), ("depth", "albedo"), ("depth", "depth")):
