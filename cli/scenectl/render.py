@@ -38,6 +38,8 @@ def still(
     depth: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     sky: ColourOption | None = None,
     camera: str | None = None,
+    aperture: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
+    focus: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
     layers: LayersOption = USUAL_LAYERS,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
     view: Literal["agx", "filmic", "srgb"] = "agx",
@@ -83,6 +85,10 @@ def still(
         Colour of a uniform sky as R,G,B, linear; without it, and unless the scene says one, only the scene's own lights shine.
     camera
         Name of the camera; by default the one that the scene says, or its default one.
+    aperture
+        Radius of the camera's lens in the scene's unit: what is nearer or farther than the focus is blurred; by default everything is sharp.
+    focus
+        How far from the camera everything is sharp, in the scene's unit, measured along the way that it looks; goes with --aperture.
     layers
         What the EXR file holds beside the beauty, some of emission, direct, indirect, albedo, normal, depth, position, object_id, material_id, samples and variance, with commas between; or all, or none.
     exposure
@@ -126,6 +132,8 @@ def still(
         sky=None if sky is None else sky.rgb,
         camera=camera,
         exposure=exposure,
+        aperture=aperture,
+        focus=focus,
         layers=layers.names,
         scale=scale,
         crop=None if crop is None else Window(*crop.numbers),

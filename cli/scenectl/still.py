@@ -212,6 +212,7 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[s
         "exr": str(job.exr),
         "size": [options.width, options.height],
         "crop": None if options.crop is None else options.crop.row(),
+        "lens": None if options.lens is None else options.lens.row(),
         "layers": list(result.layers),
         "png": str(job.png),
         "view": job.view,

@@ -13,6 +13,7 @@ from render.shapes import grid, looking, moved, room, scene
 from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, PATH_RAY, PDF_DELTA
 from scenefold.partition import Partition
 from scenefold.render.image_files import image_sha256
+from scenefold.render.lens import Lens
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.payloads.materials import Material
 from unit.render.lanes_probe_kernels import probed
@@ -114,6 +115,14 @@ def test_cameras_anywhere(name: str) -> None:
         assert np.isinf(reference.layers["depth"]).all()
     else:
         assert (reference.aovs[:, 7] == 1).any()
+
+
+@pytest.mark.parametrize("name", ["", "orthographic, far away"])
+def test_a_lens(name: str) -> None:
+    rig = Rig(room(camera=CAMERAS[name]), 12) if name else furnished()
+    blurred = rig.render(sky=SKY, lens=Lens(0.1, 3.0))
+    assert same(rig.render("bounded-radial", 2, sky=SKY, lens=Lens(0.1, 3.0)), blurred)
+    assert not same(blurred, rig.render(sky=SKY))
 
 
 def test_distance_is_no_matter_for_an_orthographic_camera() -> None:

@@ -191,8 +191,8 @@ class JobNumbers(NamedTuple):
     inverse_emitter_power: float
     """1 / sum of luminance x area over all emitters; 0 without any."""
     camera: F64
-    """[16]: position 3, right 3, up 3, forward 3 (unit), half width and half height of the image plane at
-    distance 1 (perspective) or in world units (orthographic), kind (0, 1), unused."""
+    """[17]: position 3, right 3, up 3, forward 3 (unit), half width and half height of the image plane at
+    distance 1 (perspective) or in world units (orthographic), kind (0, 1), radius of the lens (0: a pinhole), distance of the plane of focus."""
     seed: int
     frame: int
     width: int

@@ -16,6 +16,7 @@ from scenefold.render.choice import Renderers
 from scenefold.render.choosing import renderers_of
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import USUAL, Pixels, unpacked
+from scenefold.render.lens import lens_of
 from scenefold.render.pool.request import RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
 from scenefold.render.reports import Stand, image_size, report_of, stand_of
@@ -56,6 +57,10 @@ class StillOptions:
     """For a preview: the image has so much of its width and of its height, in whole pixels, as if that were its size."""
     crop: Window | None = None
     """The part of the image to make, in pixels of what it is before `scale`; None: all of it."""
+    aperture: float | None = None
+    """Radius of the camera's lens in the world's unit; None: it is a pinhole."""
+    focus: float | None = None
+    """How far from the camera everything is sharp; with an aperture only."""
     ignore_settings: bool = False
     """All that is None is as usual, whatever the scene's log says."""
 
@@ -79,6 +84,7 @@ class StillOptions:
             algorithm=self.algorithm,
             layers=self.layers,
             crop=crop,
+            lens=lens_of(self.aperture, self.focus),
         )
         options.check()
         return options

@@ -12,10 +12,10 @@ import numpy as np
 from numba import njit
 
 from scenefold.base.rays import KIND_CAMERA, PDF_DELTA
-from scenefold.render.dice_kernels import PAIR_PIXEL, dice_of, pair
-from scenefold.render.lane_values_kernels import alike, lane_numbers, put, real_of_whole, take
+from scenefold.render.dice_kernels import PAIR_LENS, PAIR_PIXEL, dice_of, pair
+from scenefold.render.lane_values_kernels import alike, lane_numbers, put, real_of_whole, select, take
 from scenefold.render.lanes_kernels import LANES
-from scenefold.render.math_kernels import decode_direction, encode_color, encode_direction
+from scenefold.render.math_kernels import decode_direction, encode_color, encode_direction, sine_cosine_of_turns
 from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import set_t_done, write_rays
 from scenefold.render.space_kernels import box_span
@@ -41,7 +41,8 @@ def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def
     """
     camera, low, high = job.camera, job.box_low, job.box_high
     reals = scratch.view(np.float32)
-    within = camera[14] == 0.0
+    has_lens = camera[15] > 0.0
+    within = camera[14] == 0.0 and not has_lens
     for axis in range(3):
         within = within and low[axis] < camera[axis] < high[axis]
     nobody = alike(np.uint32(0), lane_numbers())
@@ -51,7 +52,8 @@ def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def
     for first in range(0, count, LANES):
         paths = lane_numbers() + np.uint32(first)
         pixel, sample = pixels_of(job, first_path, paths, scratch)
-        u, v = pair(job, dice_of(job, pixel, sample, nobody), PAIR_PIXEL)
+        dice = dice_of(job, pixel, sample, nobody)
+        u, v = pair(job, dice, PAIR_PIXEL)
         for k in range(LANES):
             row = scratch[k] // np.uint32(job.width)
             column = np.int64(scratch[k]) - np.int64(row) * job.width
@@ -60,7 +62,10 @@ def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def
         x = (take(reals, 2 * LANES) + u * (2.0 / job.width)) * camera[12]
         y = (take(reals, 3 * LANES) - v * (2.0 / job.height)) * camera[13]
         right_x, right_y, right_z = x * camera[3] + y * camera[6], x * camera[4] + y * camera[7], x * camera[5] + y * camera[8]
-        if camera[14] == 0.0:
+        if has_lens:
+            u, v = pair(job, dice, PAIR_LENS)
+            code_u, code_v, right_x, right_y, right_z = _through_lens(camera, u, v, right_x, right_y, right_z)
+        elif camera[14] == 0.0:
             code_u, code_v = encode_direction(right_x + camera[9], right_y + camera[10], right_z + camera[11])
         else:
             zero = alike(0.0, x)
@@ -89,6 +94,40 @@ def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
+def disk_point(u, v):  # type: ignore[no-untyped-def]
+    """A point of the unit disk, evenly, from two numbers in [0, 1): lanes. Squares about the centre become circles about it
+    (Shirley and Chiu, A Low Distortion Map Between Disk and Square, JGT 1997)."""
+    a, b = 2.0 * u - 1.0, 2.0 * v - 1.0
+    across = abs(a) > abs(b)
+    radius, other = select(across, a, b), select(across, b, a)
+    ratio = other / select(radius == 0.0, 1.0, radius)
+    # From -1/8 of a turn on, which is what the polynomials' first quarter reaches down to.
+    sine, cosine = sine_cosine_of_turns(select(across, 0.125 * ratio, 0.25 - 0.125 * ratio))
+    return radius * cosine, radius * sine
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _through_lens(camera, u, v, right_x, right_y, right_z):  # type: ignore[no-untyped-def]
+    """(code_u, code_v, x, y, z): the way from a point of the lens to what is sharp there, and where that point lies beside the camera.
+
+    right: the place in the image, in the plane at distance 1, or beside an orthographic camera, whose pixels have a lens each.
+    """
+    a, b = disk_point(u, v)
+    a, b = a * camera[15], b * camera[15]
+    x, y, z = a * camera[3] + b * camera[6], a * camera[4] + b * camera[7], a * camera[5] + b * camera[8]
+    focus = camera[16]
+    if camera[14] == 0.0:
+        to_x, to_y, to_z = (right_x + camera[9]) * focus, (right_y + camera[10]) * focus, (right_z + camera[11]) * focus
+        right_x, right_y, right_z = x, y, z
+    else:
+        zero = alike(0.0, x)
+        to_x, to_y, to_z = zero + camera[9] * focus, zero + camera[10] * focus, zero + camera[11] * focus
+        right_x, right_y, right_z = right_x + x, right_y + y, right_z + z
+    code_u, code_v = encode_direction(to_x - x, to_y - y, to_z - z)
+    return code_u, code_v, right_x, right_y, right_z
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def _enter_box(job, reals):  # type: ignore[no-untyped-def]
     """Origins where rays enter the box, in reals[3 * LANES:] in place of how far they begin beside the camera; which rays miss it, as bits.
 
@@ -99,7 +138,7 @@ def _enter_box(job, reals):  # type: ignore[no-untyped-def]
     for k in range(LANES):
         dx, dy, dz = np.float64(reals[k]), np.float64(reals[LANES + k]), np.float64(reals[2 * LANES + k])
         ox, oy, oz = camera[0], camera[1], camera[2]
-        if camera[14] != 0.0:
+        if camera[14] != 0.0 or camera[15] > 0.0:
             ox, oy, oz = ox + reals[3 * LANES + k], oy + reals[4 * LANES + k], oz + reals[5 * LANES + k]
         # Rounded, its origin may miss by a little what it met: there is nothing in the box's margin anyway.
         t_in, t_out = box_span(ox, oy, oz, dx, dy, dz, low, high)

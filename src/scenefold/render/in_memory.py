@@ -94,5 +94,6 @@ async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, w
         partition=partition,
         layers=options.layers,
         crop=options.crop,
+        lens=options.lens,
     )
     return OneNodeJob(job, await load_share(reader, workers, job, 0))

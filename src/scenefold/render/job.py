@@ -19,6 +19,7 @@ from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, text, whole
 from scenefold.partition import Partition
 from scenefold.render.layers import USUAL, check_layers, columns_of
+from scenefold.render.lens import Lens
 from scenefold.render.passes import PassPlan
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.sum_columns import SumColumns
@@ -52,6 +53,8 @@ class RenderOptions:
     """Beside the beauty."""
     crop: Window | None = None
     """The part of the image to make; None: all of it."""
+    lens: Lens | None = None
+    """Of the camera; None: it is a pinhole."""
 
     @property
     def window(self) -> Window:
@@ -74,6 +77,8 @@ class RenderOptions:
             raise UsageFault("the sky is no colour", where="sky", remedy="give three numbers from 0 to 1e9, as in 0.5,0.6,0.7")
         check_layers(self.layers)
         self.window.check(self.width, self.height)
+        if self.lens is not None:
+            self.lens.check()
         if self.algorithm not in ALGORITHMS:
             raise UsageFault(
                 f"there is no algorithm {self.algorithm!r}", where="algorithm", remedy=f"choose one of {', '.join(ALGORITHMS)}"
@@ -109,7 +114,7 @@ class Job:
     depth: int
     sky: tuple[float, float, float]
     camera: tuple[float, ...]
-    """16 numbers as in `JobNumbers.camera`."""
+    """15 numbers as in `JobNumbers.camera`, and a 0."""
     nodes: tuple[NodeId, ...]
     """In line order; a node's index here is its index in the partition."""
     partition: Partition
@@ -117,6 +122,7 @@ class Job:
     layers: tuple[str, ...] = USUAL
     """Beside the beauty."""
     crop: Window | None = None
+    lens: Lens | None = None
 
     @property
     def window(self) -> Window:
@@ -155,6 +161,7 @@ class Job:
                 "head": self.head.row(),
                 "layers": list(self.layers),
                 "crop": None if self.crop is None else self.crop.row(),
+                "lens": None if self.lens is None else self.lens.row(),
             }
         )
 
@@ -190,7 +197,10 @@ class Job:
             head=SceneHead.of_row(document["head"]),
             layers=layers_of_row(document["layers"]),
             crop=Window.of_row(document["crop"]),
+            lens=Lens.of_row(document.get("lens")),
         )
+        if job.lens is not None:
+            job.lens.check()
         job.window.check(width, height)
         if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")

@@ -22,7 +22,7 @@ _KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
 
 
 def camera_numbers(camera: Camera, width: int, height: int) -> tuple[float, ...]:
-    """The 16 numbers of `JobNumbers.camera`; the image's shape decides the horizontal angle."""
+    """The first 15 numbers of `JobNumbers.camera`, and a 0; the image's shape decides the horizontal angle."""
     rotation = np.asarray(camera.matrix, np.float64)
     if camera.kind == "perspective":
         sine, cosine = sine_cosine(camera.yfov * 0.5)
@@ -88,7 +88,7 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
         choose_punctual=choose_punctual,
         choose_emitter=choose_emitter,
         inverse_emitter_power=1.0 / power if power > 0.0 else 0.0,
-        camera=np.array(job.camera, np.float64),
+        camera=np.array([*job.camera[:15], *((0.0, 0.0) if job.lens is None else job.lens.row())], np.float64),
         seed=job.seed,
         frame=job.frame,
         width=job.width,

@@ -13,6 +13,7 @@ from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
 from scenefold.render.job import ALGORITHMS, Job, RenderOptions
+from scenefold.render.lens import Lens
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
 from scenefold.scene.head import SceneHead
@@ -39,6 +40,7 @@ JOB = Job(
     partition=Partition.voronoi([[0, 0, 0], [1, 2, 3]]),
     layers=("direct", "samples"),
     crop=Window(600, 300, 40, 60),
+    lens=Lens(0.1, 2.5),
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
@@ -52,7 +54,16 @@ def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
-@pytest.mark.parametrize("key", sorted(DOCUMENT))
+OPTIONAL = {"lens": None}
+"""What older documents do not have, and what it is then."""
+
+
+def test_an_older_job_reads_as_it_was_meant() -> None:
+    older = {name: value for name, value in DOCUMENT.items() if name not in OPTIONAL}
+    assert Job.from_bytes(pack_value(older)) == replace(JOB, **OPTIONAL)
+
+
+@pytest.mark.parametrize("key", sorted(set(DOCUMENT) - set(OPTIONAL)))
 def test_every_entry_is_needed(key: str) -> None:
     with pytest.raises(PeerFault):
         Job.from_bytes(pack_value({name: value for name, value in DOCUMENT.items() if name != key}))
@@ -169,6 +180,7 @@ def test_options_are_checked_one_by_one() -> None:
         {"crop": Window(-1, 0, 5, 5)},
         {"layers": ("depth", "albedo")},
         {"layers": ("shine",)},
+        {"lens": Lens(0.1, 0.0)},
     ]
     for options in wrong:
         with pytest.raises(UsageFault) as caught:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as some
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.job import RenderOptions
+from scenefold.render.lens import Lens
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
@@ -23,7 +25,7 @@ REQUEST = RenderRequest(
     SceneId(3),
     bytes(range(32)),
     KEYS,
-    RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left", layers=("position",), crop=Window(5, 6, 7, 8)),
+    RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left", layers=("position",), crop=Window(5, 6, 7, 8), lens=Lens(0.1, 2.5)),
     SceneHead(5, bytes(32), 4),
 )
 DOCUMENT: dict[str, Any] = unpack_value(REQUEST.to_bytes(), what="a request")
@@ -55,7 +57,16 @@ def test_a_request_round_trips() -> None:
     assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
 
 
-@pytest.mark.parametrize("key", sorted(set(DOCUMENT) - {"request"}))
+OPTIONAL = {"lens": None}
+"""What older clients do not send, and what it is then."""
+
+
+def test_an_older_request_reads_as_it_was_meant() -> None:
+    older = {name: value for name, value in DOCUMENT.items() if name not in OPTIONAL}
+    assert RenderRequest.from_map(7, older) == replace(REQUEST, options=replace(REQUEST.options, **OPTIONAL))
+
+
+@pytest.mark.parametrize("key", sorted(set(DOCUMENT) - {"request"} - set(OPTIONAL)))
 def test_every_entry_is_needed(key: str) -> None:
     with pytest.raises(PeerFault):
         RenderRequest.from_map(7, {name: value for name, value in DOCUMENT.items() if name != key})
@@ -83,6 +94,9 @@ def test_every_entry_is_needed(key: str) -> None:
         ("algorithm", b"voronoi"),
         ("layers", "depth"),
         ("layers", [b"depth"]),
+        ("lens", 5),
+        ("lens", [1.0]),
+        ("lens", [ENDLESS, 1.0]),
         ("crop", 5),
         ("crop", [1, 2, 3]),
         ("crop", [1, 2, 3, ENDLESS]),

@@ -114,6 +114,7 @@ class Rig:
             partition=partition,
             layers=asked.layers,
             crop=asked.crop,
+            lens=asked.lens,
         )
 
     def held(self, partition: Partition, me: int) -> HeldScene:

@@ -195,6 +195,7 @@ class Organiser:
             head=request.head,
             layers=options.layers,
             crop=options.crop,
+            lens=options.lens,
         )
 
     def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:

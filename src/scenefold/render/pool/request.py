@@ -10,6 +10,7 @@ from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.render.job import HASH_BYTES, RenderOptions, layers_of_row
+from scenefold.render.lens import Lens
 from scenefold.render.passes import place_of
 from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.sealed_keys import SealedKeys
@@ -52,6 +53,7 @@ class RenderRequest:
                 "algorithm": options.algorithm,
                 "layers": list(options.layers),
                 "crop": None if options.crop is None else options.crop.row(),
+                "lens": None if options.lens is None else options.lens.row(),
             }
         )
 
@@ -72,6 +74,7 @@ class RenderRequest:
                 algorithm=text(document["algorithm"]),
                 layers=layers_of_row(document["layers"]),
                 crop=Window.of_row(document["crop"]),
+                lens=Lens.of_row(document.get("lens")),
             )
             request = cls(
                 job,

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from scenefold.base.errors import LocalFault
 from scenefold.render.arrays import JobNumbers
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 
@@ -18,7 +19,7 @@ def integrator_of(mitsuba: Mitsuba, depth: int) -> Any:
 
 
 def sensor_of(mitsuba: Mitsuba, numbers: JobNumbers) -> Any:
-    """The job's camera with a film of its size, box filter, independent samples."""
+    """The job's camera with a film of its size, box filter, independent samples. LocalFault for an orthographic one with a lens: Mitsuba has none."""
     mi = mitsuba.mi
     camera = numbers.camera
     position, up, forward = camera[0:3], camera[6:9], camera[9:12]
@@ -35,7 +36,12 @@ def sensor_of(mitsuba: Mitsuba, numbers: JobNumbers) -> Any:
     if camera[14] == 0.0:
         degrees = float(np.degrees(2.0 * np.arctan(camera[13])))
         lens = {"fov": degrees, "fov_axis": "y", "near_clip": 1e-4 * _diagonal(numbers), "far_clip": 1e4 * _diagonal(numbers)}
-        return mi.load_dict({"type": "perspective", "to_world": look, **lens, **common})
+        if camera[15] == 0.0:
+            return mi.load_dict({"type": "perspective", "to_world": look, **lens, **common})
+        blur = {"aperture_radius": float(camera[15]), "focus_distance": float(camera[16])}
+        return mi.load_dict({"type": "thinlens", "to_world": look, **lens, **blur, **common})
+    if camera[15] > 0.0:
+        raise LocalFault("Mitsuba has no orthographic camera with a lens", remedy="choose a perspective camera")
     # Mitsuba's view is 2 wide before `scale`; a film that is not square is as high as its shape makes it.
     scaled = look @ mi.ScalarTransform4f().scale([float(camera[12]), float(camera[12]), 1.0])
     return mi.load_dict({"type": "orthographic", "to_world": scaled, "near_clip": 0.0, "far_clip": 1e4 * _diagonal(numbers), **common})
