@@ -147,7 +147,7 @@ def _image(one: OneNodeJob, seed: int, samples: int) -> F32:
 def _theirs(mitsuba: Mitsuba, one: OneNodeJob, batches: int) -> Estimate:
     numbers = one.loaded.numbers
     scene = scene_of(mitsuba, one.loaded.held, numbers)
-    sensor, integrator = sensor_of(mitsuba, numbers), integrator_of(mitsuba, numbers.depth)
+    sensor, integrator = sensor_of(mitsuba, numbers), integrator_of(mitsuba, numbers)
     each = max(1, numbers.samples // batches)
     images = [np.array(mitsuba.mi.render(scene, sensor=sensor, integrator=integrator, spp=each, seed=number)) for number in range(batches)]
     return of_batches(np.array(images, np.float64)[..., :3])

@@ -14,7 +14,7 @@ from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
 from scenectl.values import ColourOption, PortsOption, SizeOption, whole
-from scenefold.base.image_limits import DEPTH_MAX, EXPOSURE_MAX, SAMPLES_MAX
+from scenefold.base.image_limits import CLAMP_MAX, DEPTH_MAX, EXPOSURE_MAX, SAMPLES_MAX
 
 NODES = 5
 """Of a cluster that is started for one image."""
@@ -40,6 +40,10 @@ def still(
     camera: str | None = None,
     aperture: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
     focus: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
+    sampler: Literal["sobol", "independent"] = "sobol",
+    roulette_from: Annotated[int, whole(1, DEPTH_MAX)] = 3,
+    clamp_direct: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
+    clamp_indirect: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
     layers: LayersOption = USUAL_LAYERS,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
     view: Literal["agx", "filmic", "srgb"] = "agx",
@@ -89,6 +93,14 @@ def still(
         Radius of the camera's lens in the scene's unit: what is nearer or farther than the focus is blurred; by default everything is sharp.
     focus
         How far from the camera everything is sharp, in the scene's unit, measured along the way that it looks; goes with --aperture.
+    sampler
+        How the random numbers of a pixel's paths are drawn: sobol spreads them evenly, independent draws each by itself.
+    roulette_from
+        Bounce from which on a path that carries little light may end by chance; as large as --depth, and none does.
+    clamp_direct
+        Most that one contribution of direct light may be, as the mean of red, green and blue; against fireflies, at the cost of light.
+    clamp_indirect
+        The same of light that was reflected more than once; 10 is a usual value.
     layers
         What the EXR file holds beside the beauty, some of emission, direct, indirect, albedo, normal, depth, position, object_id, material_id, samples and variance, with commas between; or all, or none.
     exposure
@@ -120,6 +132,7 @@ def still(
     check_own_cluster("scenectl render still", output.profile, of_a_cluster)
     png = png_beside(to)
     from scenefold.render.client import StillOptions
+    from scenefold.render.sampling import Sampling
     from scenefold.render.window import Window
 
     options = StillOptions(
@@ -134,6 +147,7 @@ def still(
         exposure=exposure,
         aperture=aperture,
         focus=focus,
+        sampling=Sampling(sampler, roulette_from, clamp_direct, clamp_indirect),
         layers=layers.names,
         scale=scale,
         crop=None if crop is None else Window(*crop.numbers),

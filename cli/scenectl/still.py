@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -198,9 +198,11 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[s
     from scenefold.render.image_files import image_sha256, write_exr, write_png
 
     sha256 = image_sha256(result.layers["beauty"])
-    metadata = {"scenefold.scene": job.scene_name, "scenefold.image_sha256": sha256}
-
     options = result.options
+    said = {name: value for name, value in asdict(options.sampling).items() if value is not None}
+    if options.lens is not None:
+        said |= asdict(options.lens)
+    metadata = {"scenefold.scene": job.scene_name, "scenefold.image_sha256": sha256, **{f"scenefold.{name}": said[name] for name in said}}
 
     def write() -> Shown:
         write_exr(job.exr, result.layers, metadata, options.crop, (options.width, options.height))
@@ -213,6 +215,7 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[s
         "size": [options.width, options.height],
         "crop": None if options.crop is None else options.crop.row(),
         "lens": None if options.lens is None else options.lens.row(),
+        **asdict(options.sampling),
         "layers": list(result.layers),
         "png": str(job.png),
         "view": job.view,

@@ -214,3 +214,9 @@ class JobNumbers(NamedTuple):
     crop_y: int
     crop_width: int
     crop_height: int
+    roulette_from: int
+    """Bounce from which on paths may end by chance."""
+    clamp_direct: float
+    """Most that one contribution of light that was reflected at most once may be, as the mean of its channels; inf: anything."""
+    clamp_indirect: float
+    """The same of light that was reflected more often."""

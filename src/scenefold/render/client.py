@@ -20,6 +20,7 @@ from scenefold.render.lens import lens_of
 from scenefold.render.pool.request import RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
 from scenefold.render.reports import Stand, image_size, report_of, stand_of
+from scenefold.render.sampling import USUAL_SAMPLING, Sampling
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
@@ -61,6 +62,7 @@ class StillOptions:
     """Radius of the camera's lens in the world's unit; None: it is a pinhole."""
     focus: float | None = None
     """How far from the camera everything is sharp; with an aperture only."""
+    sampling: Sampling = USUAL_SAMPLING
     ignore_settings: bool = False
     """All that is None is as usual, whatever the scene's log says."""
 
@@ -85,6 +87,7 @@ class StillOptions:
             layers=self.layers,
             crop=crop,
             lens=lens_of(self.aperture, self.focus),
+            sampling=self.sampling,
         )
         options.check()
         return options

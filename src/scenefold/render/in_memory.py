@@ -95,5 +95,6 @@ async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, w
         layers=options.layers,
         crop=options.crop,
         lens=options.lens,
+        sampling=options.sampling,
     )
     return OneNodeJob(job, await load_share(reader, workers, job, 0))

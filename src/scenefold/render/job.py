@@ -21,6 +21,7 @@ from scenefold.partition import Partition
 from scenefold.render.layers import USUAL, check_layers, columns_of
 from scenefold.render.lens import Lens
 from scenefold.render.passes import PassPlan
+from scenefold.render.sampling import USUAL_SAMPLING, Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.sum_columns import SumColumns
 from scenefold.render.window import Window
@@ -55,6 +56,7 @@ class RenderOptions:
     """The part of the image to make; None: all of it."""
     lens: Lens | None = None
     """Of the camera; None: it is a pinhole."""
+    sampling: Sampling = USUAL_SAMPLING
 
     @property
     def window(self) -> Window:
@@ -79,6 +81,7 @@ class RenderOptions:
         self.window.check(self.width, self.height)
         if self.lens is not None:
             self.lens.check()
+        self.sampling.check()
         if self.algorithm not in ALGORITHMS:
             raise UsageFault(
                 f"there is no algorithm {self.algorithm!r}", where="algorithm", remedy=f"choose one of {', '.join(ALGORITHMS)}"
@@ -123,6 +126,7 @@ class Job:
     """Beside the beauty."""
     crop: Window | None = None
     lens: Lens | None = None
+    sampling: Sampling = USUAL_SAMPLING
 
     @property
     def window(self) -> Window:
@@ -162,6 +166,7 @@ class Job:
                 "layers": list(self.layers),
                 "crop": None if self.crop is None else self.crop.row(),
                 "lens": None if self.lens is None else self.lens.row(),
+                "sampling": self.sampling.row(),
             }
         )
 
@@ -198,9 +203,11 @@ class Job:
             layers=layers_of_row(document["layers"]),
             crop=Window.of_row(document["crop"]),
             lens=Lens.of_row(document.get("lens")),
+            sampling=Sampling.of_row(document.get("sampling")),
         )
         if job.lens is not None:
             job.lens.check()
+        job.sampling.check()
         job.window.check(width, height)
         if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")

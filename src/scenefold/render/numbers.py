@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import math
 
 import numpy as np
 
 from scenefold.render.arrays import F64, JobNumbers, LightColumn
 from scenefold.render.bsdf_kernels import luminance
-from scenefold.render.dice_kernels import SAMPLER_SOBOL
+from scenefold.render.dice_kernels import SAMPLER_INDEPENDENT, SAMPLER_SOBOL
 from scenefold.render.generate_kernels import scattering_stride
 from scenefold.render.job import Job
 from scenefold.render.precise_kernels import sine_cosine
@@ -18,6 +19,7 @@ from scenefold.scene.tables import SceneTables
 
 _BOX_MARGIN = 1e-4
 """Of the box's diagonal: shadow rays that end at a far face pass everything before it."""
+_SAMPLERS = {"sobol": SAMPLER_SOBOL, "independent": SAMPLER_INDEPENDENT}
 _KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
 
 
@@ -98,12 +100,19 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
         stride=scattering_stride(job.window.pixels),
         dice_low=dice & 0xFFFFFFFF,
         dice_high=dice >> 32,
-        sampler=SAMPLER_SOBOL,
+        sampler=_SAMPLERS[job.sampling.sampler],
         crop_x=job.window.x,
         crop_y=job.window.y,
         crop_width=job.window.width,
         crop_height=job.window.height,
+        roulette_from=job.sampling.roulette_from,
+        clamp_direct=_limit(job.sampling.clamp_direct),
+        clamp_indirect=_limit(job.sampling.clamp_indirect),
     )
+
+
+def _limit(clamp: float | None) -> float:
+    return math.inf if clamp is None else float(clamp)
 
 
 def dice_seed(seed: int, frame: int) -> int:

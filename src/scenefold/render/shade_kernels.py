@@ -23,6 +23,7 @@ from scenefold.render.bsdf_kernels import (
     sample_cosine,
     sample_visible_normal,
 )
+from scenefold.render.clamp_kernels import clamped
 from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
 from scenefold.render.generate_kernels import depth_of
 from scenefold.render.lane_values_kernels import (
@@ -62,8 +63,6 @@ COUNT_SHADOW_RAYS = 0
 COUNT_NOT_FINITE = 1
 COUNT_CLAMPED = 2
 
-ROULETTE_FROM = 3
-
 _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
     MaterialColumn.BASE,
     MaterialColumn.METALLIC,
@@ -91,8 +90,9 @@ def _add(sums, counters, path, column, r, g, b):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _add_lanes(sums, counters, scratch, flags, path, scatterings, r, g, b):  # type: ignore[no-untyped-def]
+def _add_lanes(job, sums, counters, scratch, flags, path, scatterings, r, g, b):  # type: ignore[no-untyped-def]
     """Contributions of the flagged lanes; `scatterings`, words: how often their light was reflected (sum_columns.py)."""
+    r, g, b = clamped(job, scatterings, r, g, b)
     reals = scratch.view(np.float32)
     put(scratch, 0, path)
     put(reals, LANES, r)
@@ -174,7 +174,7 @@ def _deliver(rays, frees, first, count, job, sums, counters, scratch):  # type: 
         select(to_sky, g * job.sky[1] * weight, g),
         select(to_sky, b * job.sky[2] * weight, b),
     )
-    _add_lanes(sums, counters, scratch, live, ray.path, ray.bounce + select(to_sky, np.uint32(0), np.uint32(1)), r, g, b)
+    _add_lanes(job, sums, counters, scratch, live, ray.path, ray.bounce + select(to_sky, np.uint32(0), np.uint32(1)), r, g, b)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -237,7 +237,16 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         other = emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
         weight = select(found, _power_weight(decode_pdf(ray.pdf), other), 1.0)
         _add_lanes(
-            sums, counters, scratch, shines, ray.path, ray.bounce, r * emission_r * weight, g * emission_g * weight, b * emission_b * weight
+            job,
+            sums,
+            counters,
+            scratch,
+            shines,
+            ray.path,
+            ray.bounce,
+            r * emission_r * weight,
+            g * emission_g * weight,
+            b * emission_b * weight,
         )
     live = live & (ray.bounce + np.uint32(1) < np.uint32(job.depth))
     if not any_lane(live):
@@ -314,7 +323,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     if any_lane(lost):
         _count_lanes(counters, COUNT_NOT_FINITE, lost)
     live = live & sound
-    gambles = ray.bounce + np.uint32(1) >= np.uint32(ROULETTE_FROM)
+    gambles = ray.bounce + np.uint32(1) >= np.uint32(job.roulette_from)
     if any_lane(gambles):
         survive = select(gambles, min(max(r, max(g, b)), 0.95), 1.0)
         live = live & (gamble < survive)

@@ -14,6 +14,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
 from scenefold.render.job import ALGORITHMS, Job, RenderOptions
 from scenefold.render.lens import Lens
+from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
 from scenefold.scene.head import SceneHead
@@ -41,6 +42,7 @@ JOB = Job(
     layers=("direct", "samples"),
     crop=Window(600, 300, 40, 60),
     lens=Lens(0.1, 2.5),
+    sampling=Sampling("independent", 5, None, 10.0),
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
@@ -54,7 +56,7 @@ def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
-OPTIONAL = {"lens": None}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling()}
 """What older documents do not have, and what it is then."""
 
 
@@ -181,6 +183,10 @@ def test_options_are_checked_one_by_one() -> None:
         {"layers": ("depth", "albedo")},
         {"layers": ("shine",)},
         {"lens": Lens(0.1, 0.0)},
+        {"sampling": Sampling("halton")},
+        {"sampling": Sampling(roulette_from=0)},
+        {"sampling": Sampling(clamp_direct=0.0)},
+        {"sampling": Sampling(clamp_indirect=float("nan"))},
     ]
     for options in wrong:
         with pytest.raises(UsageFault) as caught:

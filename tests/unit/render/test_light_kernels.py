@@ -115,6 +115,9 @@ def job(sky: float, punctual: float, emitter: float) -> JobNumbers:
         0,
         8,
         8,
+        3,
+        math.inf,
+        math.inf,
     )
 
 

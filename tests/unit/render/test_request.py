@@ -14,6 +14,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.job import RenderOptions
 from scenefold.render.lens import Lens
 from scenefold.render.pool.request import RenderRequest
+from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
 from scenefold.scene.head import SceneHead
@@ -25,7 +26,14 @@ REQUEST = RenderRequest(
     SceneId(3),
     bytes(range(32)),
     KEYS,
-    RenderOptions(sky=(0.1, 0.2, 1e-300), camera="left", layers=("position",), crop=Window(5, 6, 7, 8), lens=Lens(0.1, 2.5)),
+    RenderOptions(
+        sky=(0.1, 0.2, 1e-300),
+        camera="left",
+        layers=("position",),
+        crop=Window(5, 6, 7, 8),
+        lens=Lens(0.1, 2.5),
+        sampling=Sampling("independent", 5, 2.0),
+    ),
     SceneHead(5, bytes(32), 4),
 )
 DOCUMENT: dict[str, Any] = unpack_value(REQUEST.to_bytes(), what="a request")
@@ -57,7 +65,7 @@ def test_a_request_round_trips() -> None:
     assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
 
 
-OPTIONAL = {"lens": None}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling()}
 """What older clients do not send, and what it is then."""
 
 
@@ -94,6 +102,10 @@ def test_every_entry_is_needed(key: str) -> None:
         ("algorithm", b"voronoi"),
         ("layers", "depth"),
         ("layers", [b"depth"]),
+        ("sampling", ["sobol", 3, 1.0]),
+        ("sampling", ["sobol", 3, 1.0, ENDLESS]),
+        ("sampling", [5, 3, 1.0, None]),
+        ("sampling", ["sobol", 2.5, None, None]),
         ("lens", 5),
         ("lens", [1.0]),
         ("lens", [ENDLESS, 1.0]),

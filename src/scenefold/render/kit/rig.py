@@ -115,6 +115,7 @@ class Rig:
             layers=asked.layers,
             crop=asked.crop,
             lens=asked.lens,
+            sampling=asked.sampling,
         )
 
     def held(self, partition: Partition, me: int) -> HeldScene:

@@ -196,6 +196,7 @@ class Organiser:
             layers=options.layers,
             crop=options.crop,
             lens=options.lens,
+            sampling=options.sampling,
         )
 
     def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:

@@ -13,6 +13,7 @@ from scenefold.render.job import HASH_BYTES, RenderOptions, layers_of_row
 from scenefold.render.lens import Lens
 from scenefold.render.passes import place_of
 from scenefold.render.pool.own_passes import owner_index
+from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
@@ -54,6 +55,7 @@ class RenderRequest:
                 "layers": list(options.layers),
                 "crop": None if options.crop is None else options.crop.row(),
                 "lens": None if options.lens is None else options.lens.row(),
+                "sampling": options.sampling.row(),
             }
         )
 
@@ -75,6 +77,7 @@ class RenderRequest:
                 layers=layers_of_row(document["layers"]),
                 crop=Window.of_row(document["crop"]),
                 lens=Lens.of_row(document.get("lens")),
+                sampling=Sampling.of_row(document.get("sampling")),
             )
             request = cls(
                 job,

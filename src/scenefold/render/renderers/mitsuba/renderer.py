@@ -33,9 +33,9 @@ _running = threading.Lock()
 class MitsubaTracer:
     """Traces wavefronts. Any number of them share the scene, and the lock."""
 
-    def __init__(self, mitsuba: Mitsuba, scene: Any, numbers: JobNumbers) -> None:
+    def __init__(self, mitsuba: Mitsuba, scene: Any, integrator: Any, numbers: JobNumbers) -> None:
         self._mitsuba, self._scene, self._numbers = mitsuba, scene, numbers
-        self._integrator = integrator_of(mitsuba, numbers.depth)
+        self._integrator = integrator
 
     def generate(self, first_path: int, count: int) -> dict[int, U32]:
         """See `Tracer`."""
@@ -89,11 +89,12 @@ class MitsubaScene:
     def __init__(self, mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> None:
         self._mitsuba, self._numbers = mitsuba, numbers
         with _running:
+            self._integrator = integrator_of(mitsuba, numbers)
             self._scene = scene_of(mitsuba, held, numbers)
 
     def tracers(self, count: int) -> list[Tracer]:
         """See `OpenScene`."""
-        return [MitsubaTracer(self._mitsuba, self._scene, self._numbers) for _ in range(count)]
+        return [MitsubaTracer(self._mitsuba, self._scene, self._integrator, self._numbers) for _ in range(count)]
 
     def close(self) -> None:
         """See `OpenScene`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,12 @@ from scenefold.base.errors import LocalFault
 from scenefold.render.arrays import JobNumbers
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 
-_ROULETTE_FROM = 3
 
-
-def integrator_of(mitsuba: Mitsuba, depth: int) -> Any:
-    """Path tracing with next-event estimation through surfaces that let light pass; `depth` segments at most."""
-    return mitsuba.mi.load_dict({"type": "volpath", "max_depth": depth, "rr_depth": _ROULETTE_FROM})
+def integrator_of(mitsuba: Mitsuba, numbers: JobNumbers) -> Any:
+    """Path tracing with next-event estimation through surfaces that let light pass. LocalFault for a job that clamps: Mitsuba does not."""
+    if min(numbers.clamp_direct, numbers.clamp_indirect) < math.inf:
+        raise LocalFault("mitsuba does not clamp contributions", remedy="render without clamps, or with embree")
+    return mitsuba.mi.load_dict({"type": "volpath", "max_depth": numbers.depth, "rr_depth": numbers.roulette_from})
 
 
 def sensor_of(mitsuba: Mitsuba, numbers: JobNumbers) -> Any:
