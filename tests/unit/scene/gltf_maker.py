@@ -49,7 +49,7 @@ class Maker:
     def accessor(self, values: Any, **more: Any) -> int:
         values = np.asarray(values)
         component = {"f": 5126, "u1": 5121, "u2": 5123, "u4": 5125}[values.dtype.kind if values.dtype.kind == "f" else values.dtype.str[1:]]
-        kind = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}[1 if values.ndim == 1 else values.shape[1]]
+        kind = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[1 if values.ndim == 1 else values.shape[1]]
         entry = {"bufferView": self.view(values.tobytes()), "componentType": component, "count": len(values), "type": kind}
         return self.add("accessors", **(entry | more))
 

@@ -14,14 +14,27 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
-from scenefold.scene.importers.faults import readable_size
+from scenefold.scene.importers.faults import bad_file, readable_size
 from scenefold.scene.importers.gltf import read_gltf
+from scenefold.scene.importers.moments import AT_REST, FPS_USUAL, Moment, moment_of_frame
 from scenefold.scene.importers.obj import read_obj
 from scenefold.scene.importers.plan import ImportItem, ImportPlan, Progress
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.importers.through_trimesh import read_ply, read_stl
 
-__all__ = ["READERS", "ImportItem", "ImportPlan", "Progress", "SourceScene", "plan_import", "read_scene"]
+__all__ = [
+    "AT_REST",
+    "FPS_USUAL",
+    "READERS",
+    "ImportItem",
+    "ImportPlan",
+    "Moment",
+    "Progress",
+    "SourceScene",
+    "moment_of_frame",
+    "plan_import",
+    "read_scene",
+]
 
 READERS: dict[str, Callable[[Path], SourceScene]] = {
     ".glb": read_gltf,
@@ -32,8 +45,8 @@ READERS: dict[str, Callable[[Path], SourceScene]] = {
 }
 
 
-def read_scene(path: str | Path) -> SourceScene:
-    """The scene of a file; LocalFault if it is none, or if anything in it cannot be used."""
+def read_scene(path: str | Path, moment: Moment = AT_REST) -> SourceScene:
+    """The scene of a file, at a moment of its animations; LocalFault if it is none, or if anything in it cannot be used."""
     file = Path(path)
     readable_size(file)
     reader = READERS.get(file.suffix.lower())
@@ -41,8 +54,10 @@ def read_scene(path: str | Path) -> SourceScene:
         kinds = ", ".join(READERS)
         what = f"files of kind {file.suffix!r} cannot be imported" if file.suffix else "a file without an ending cannot be imported"
         raise LocalFault(what, where=str(file), remedy=f"give one of {kinds}")
+    if moment.time_s is not None and reader is not read_gltf:
+        raise bad_file(file, f"files of kind {file.suffix!r} hold no animation", "give neither a time nor a frame")
     try:
-        return reader(file)
+        return reader(file) if moment.time_s is None else read_gltf(file, moment)
     except MemoryError as error:
         raise LocalFault("the file is too large for this machine's memory", where=str(file), remedy="split it") from error
 

@@ -51,6 +51,14 @@ class Accessors:
         values = raw.astype(np.float32, copy=False)
         return values if raw.dtype.kind == "f" else values / np.float32(np.iinfo(raw.dtype.str).max)
 
+    def numbers(self, number: int, kind: str) -> NDArray[np.generic]:
+        """Unsigned whole numbers [n, width] of type `kind`, as wide as they are stored."""
+        entry = self._entries[number]
+        raw = self._raw(entry)
+        if entry.text("type") != kind or raw.dtype.kind != "u":
+            raise entry.fault(f"holds no unsigned whole numbers of type {kind}")
+        return raw
+
     def indices(self, number: int) -> NDArray[np.uint32]:
         """u32[n]."""
         entry = self._entries[number]

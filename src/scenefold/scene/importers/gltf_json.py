@@ -96,6 +96,10 @@ class JsonMap:
             raise self.fault(f"is no list of {len(default)} numbers", key)
         return tuple(self._number(value, key) for value in values)
 
+    def row(self, key: str) -> tuple[float, ...]:
+        """Any number of numbers; none if the key is absent."""
+        return tuple(self._number(value, key) for value in self._list(key))
+
     def text(self, key: str, default: str | None = None) -> str:
         value = self._value.get(key, default)
         if not isinstance(value, str):

@@ -11,31 +11,36 @@ from scenefold.scene.importers.gltf_attributes import GltfAttributes
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.gltf_materials import GltfMaterials
-from scenefold.scene.importers.repair import compact
+from scenefold.scene.importers.gltf_shapes import GltfShapes, Shape
+from scenefold.scene.importers.repair import compact, used_vertices
 from scenefold.scene.importers.source import MeshPart, NotCarried
 
 _TRIANGLES_SPARE = 100_000
+_SHAPED_TRIANGLES_MAX = 8_000_000
+"""Triangles that are bent or morphed for single nodes, which may show one mesh in many poses."""
 _POINTS, _LINES, _TRIANGLES, _STRIP, _FAN = 0, (1, 2, 3), 4, 5, 6
 
 
 class GltfMeshes:
     """Reads the meshes that nodes place."""
 
-    def __init__(self, file: GltfFile, accessors: Accessors, materials: GltfMaterials, left: NotCarried) -> None:
+    def __init__(self, file: GltfFile, accessors: Accessors, materials: GltfMaterials, shapes: GltfShapes, left: NotCarried) -> None:
         self._entries = file.json.maps("meshes")
         self._accessors = accessors
         self._attributes = GltfAttributes(accessors, materials, left)
         self._materials = materials
+        self._shapes = shapes
         self._left = left
         self._file = file
         self._triangles_read = 0
+        self._triangles_shaped = 0
 
-    def read(self, number: int) -> list[MeshPart]:
-        entry = self._entries[number]
-        parts = [self._part(primitive) for primitive in entry.maps("primitives")]
+    def read(self, shape: Shape) -> list[MeshPart]:
+        """A mesh's parts as a node shows them."""
+        parts = [self._part(primitive, shape) for primitive in self._entries[shape.mesh].maps("primitives")]
         return [part for part in parts if part is not None]
 
-    def _part(self, primitive: JsonMap) -> MeshPart | None:
+    def _part(self, primitive: JsonMap, shape: Shape) -> MeshPart | None:
         if primitive.extension("KHR_draco_mesh_compression") and not primitive.inner("attributes").has("POSITION"):
             raise primitive.fault("is compressed with Draco, which scenefold does not read")
         attributes = primitive.inner("attributes")
@@ -47,20 +52,30 @@ class GltfMeshes:
         if where < 0:
             self._left.note("primitives without positions")
             return None
-        self._left.note("morph targets", int(bool(primitive.maps("targets"))))
         positions = self._accessors.floats(where, "VEC3")
         triangles = self._triangles(primitive, mode, len(positions))
-        self._triangles_read += len(triangles)
-        if self._triangles_read > self._file.bytes_read + _TRIANGLES_SPARE:
-            # Primitives that share data thousands of times would fill any memory.
-            raise primitive.fault("brings the file to more triangles than it has bytes")
+        self._count(primitive, len(triangles), shape)
         material = primitive.index("material", len(self._materials.materials) - 1, "material")
         material = self._materials.default if material < 0 else material
-        part = compact(self._attributes.dressed(MeshPart(positions, None, None, triangles, material), attributes))
+        whole = self._attributes.dressed(MeshPart(positions, None, None, triangles, material), attributes)
+        part = compact(whole)
+        if shape.is_own:
+            part = self._shapes.shaped(part, primitive, used_vertices(whole), shape)
         # NaN fails this comparison too.
         if not (np.abs(part.positions) <= COORDINATE_ABS_MAX).all():
             raise primitive.fault("has a position that is not finite, or beyond 1e9")
         return self._attributes.mended(part)
+
+    def _count(self, primitive: JsonMap, triangles: int, shape: Shape) -> None:
+        """Primitives that share data thousands of times would fill any memory."""
+        if shape.is_own:
+            self._triangles_shaped += triangles
+            if self._triangles_shaped > _SHAPED_TRIANGLES_MAX:
+                raise primitive.fault(f"brings the file to more than {_SHAPED_TRIANGLES_MAX} triangles in poses of their own")
+            return
+        self._triangles_read += triangles
+        if self._triangles_read > self._file.bytes_read + _TRIANGLES_SPARE:
+            raise primitive.fault("brings the file to more triangles than it has bytes")
 
     def _triangles(self, primitive: JsonMap, mode: int, vertices: int) -> NDArray[np.uint32]:
         where = primitive.index("indices", len(self._accessors), "accessor")

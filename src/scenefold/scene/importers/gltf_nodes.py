@@ -9,6 +9,7 @@ import numpy as np
 
 from scenefold.base.limits import COORDINATE_ABS_MAX, INSTANCES_MAX
 from scenefold.scene.importers.gltf_accessors import Accessors
+from scenefold.scene.importers.gltf_animations import Pose
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.matrices import Matrix, from_parts, product, rigid
@@ -26,18 +27,24 @@ class Placements:
     """What the walk found."""
 
     meshes: list[int] = field(default_factory=list)
+    nodes: list[int] = field(default_factory=list)
+    """The node of each."""
     matrices: list[Matrix] = field(default_factory=list)
     as_instances: list[bool] = field(default_factory=list)
     """Whether the file itself says that it is one of many copies (EXT_mesh_gpu_instancing)."""
     cameras: list[Camera] = field(default_factory=list)
     punctual: list[PunctualLight] = field(default_factory=list)
+    worlds: dict[int, Matrix] = field(default_factory=dict)
+    """Node -> world of every node that the scene shows, where the file has skins."""
 
 
 class NodeWalk:
     """One walk over the default scene."""
 
-    def __init__(self, file: GltfFile, accessors: Accessors, left: NotCarried) -> None:
+    def __init__(self, file: GltfFile, accessors: Accessors, left: NotCarried, pose: Pose) -> None:
         self._json = file.json
+        self._pose = pose
+        self._has_skins = bool(file.json.maps("skins"))
         self._accessors = accessors
         self._left = left
         self._nodes = file.json.maps("nodes")
@@ -57,9 +64,11 @@ class NodeWalk:
             if seen[number]:
                 raise node.fault("is reached twice: nodes must form a tree")
             seen[number] = True
-            world = product(above, self._local(node))
+            world = product(above, self._local(number, node))
             if not (np.abs(world) <= COORDINATE_ABS_MAX).all():
                 raise node.fault("has a transform that is not finite or beyond measure")
+            if self._has_skins:
+                self._found.worlds[number] = world
             self._visit(number, node, world)
             children = node.indices("children", len(self._nodes), "node")
             waiting += [(child, world) for child in reversed(children)]
@@ -74,28 +83,31 @@ class NodeWalk:
         children = {child for node in self._nodes for child in node.indices("children", len(self._nodes), "node")}
         return [number for number in range(len(self._nodes)) if number not in children]
 
-    def _local(self, node: JsonMap) -> Matrix:
+    def _local(self, number: int, node: JsonMap) -> Matrix:
+        place, turn, size = (self._pose.of(number, path) for path in ("translation", "rotation", "scale"))
         if node.has("matrix"):
             # Stored column by column.
             matrix = np.array(node.numbers("matrix", _NONE)).reshape(4, 4).T.copy()
+            if not place is turn is size is None:
+                raise node.fault("has a matrix, which no animation can move", "matrix")
             if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
                 raise node.fault("is no affine transform", "matrix")
             return matrix
-        rotation = node.numbers("rotation", (0.0, 0.0, 0.0, 1.0))
+        rotation = turn or node.numbers("rotation", (0.0, 0.0, 0.0, 1.0))
         if not 1e-6 < sum(value * value for value in rotation) < 1e6:
             raise node.fault("is no rotation", "rotation")
-        return from_parts(node.numbers("translation", (0.0, 0.0, 0.0)), rotation, node.numbers("scale", (1.0, 1.0, 1.0)))
+        return from_parts(place or node.numbers("translation", (0.0, 0.0, 0.0)), rotation, size or node.numbers("scale", (1.0, 1.0, 1.0)))
 
     def _visit(self, number: int, node: JsonMap, world: Matrix) -> None:
         mesh = node.index("mesh", self._meshes, "mesh")
         if mesh >= 0:
             copies = self._copies(node, world)
             self._found.meshes += [mesh] * len(copies)
+            self._found.nodes += [number] * len(copies)
             self._found.matrices += copies
             self._found.as_instances += [node.extension("EXT_mesh_gpu_instancing") is not None] * len(copies)
             if len(self._found.meshes) > INSTANCES_MAX:
                 raise self._json.fault(f"places more than {INSTANCES_MAX} meshes", "nodes")
-            self._left.note("skins, shown in the pose that they were modelled in", int(node.has("skin")))
         camera = node.index("camera", len(self._cameras), "camera")
         if camera >= 0:
             name = node.text("name", "") or self._cameras[camera].text("name", "") or f"camera {number}"

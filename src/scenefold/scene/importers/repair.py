@@ -14,14 +14,20 @@ from scenefold.scene.importers.source import MeshPart, NotCarried
 
 def compact(part: MeshPart) -> MeshPart:
     """Without the vertices that no triangle uses: files share one large array among many primitives."""
-    used = np.zeros(len(part.positions), bool)
-    used[part.triangles.ravel()] = True
+    used = used_vertices(part)
     if used.all():
         return part
     new_number = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
     arrays = {name: getattr(part, name) for name in ("positions", "normals", "uvs", "uvs2", "colors", "tangents")}
     kept: dict[str, Any] = {name: None if array is None else array[used] for name, array in arrays.items()}
     return replace(part, **kept, triangles=new_number[part.triangles])
+
+
+def used_vertices(part: MeshPart) -> NDArray[np.bool_]:
+    """bool[nv]: what `compact` keeps."""
+    used = np.zeros(len(part.positions), bool)
+    used[part.triangles.ravel()] = True
+    return used
 
 
 def mend_normals(part: MeshPart, left: NotCarried) -> MeshPart:
