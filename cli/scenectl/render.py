@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.image_values import USUAL_LAYERS, CropOption, LayersOption
+from scenectl.moment_values import FpsOption, FrameOption, TimeOption, check_of_a_file, moment_of
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
@@ -44,6 +45,10 @@ def still(
     roulette_from: Annotated[int, whole(1, DEPTH_MAX)] = 3,
     clamp_direct: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
     clamp_indirect: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
+    frame: FrameOption = None,
+    fps: FpsOption = None,
+    time: TimeOption = None,
+    animation: str | None = None,
     layers: LayersOption = USUAL_LAYERS,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
     view: Literal["agx", "filmic", "srgb"] = "agx",
@@ -62,6 +67,8 @@ def still(
     Example: scenectl render still kitchen.glb --nodes 5 --samples 64 --size 640x360 -o kitchen.exr
 
     Example: scenectl render still --scene kitchen --profile studio -o kitchen.exr
+
+    Example: scenectl render still fox.glb --frame 12 --animation Run -o fox.0012.exr
 
     Parameters
     ----------
@@ -101,6 +108,14 @@ def still(
         Most that one contribution of direct light may be, as the mean of red, green and blue; against fireflies, at the cost of light.
     clamp_indirect
         The same of light that was reflected more than once; 10 is a usual value.
+    frame
+        Frame of a file with animations, from 0 on; without --frame and --time it is shown at rest.
+    fps
+        Frames in a second, by default 24.
+    time
+        Seconds since the animations began, instead of a frame.
+    animation
+        Name of the animation to play; by default all of the file play.
     layers
         What the EXR file holds beside the beauty, some of emission, direct, indirect, albedo, normal, depth, position, object_id, material_id, samples and variance, with commas between; or all, or none.
     exposure
@@ -129,6 +144,9 @@ def still(
         "--threads": (threads, "SCENEFOLD_THREADS"),
         "--ports": (ports, "SCENEFOLD_PORTS"),
     }
+    if file is None:
+        check_of_a_file("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
+    moment = moment_of("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
     check_own_cluster("scenectl render still", output.profile, of_a_cluster)
     png = png_beside(to)
     from scenefold.render.client import StillOptions
@@ -158,6 +176,7 @@ def still(
     check_files(file, to, png)
     job = StillJob(
         file=file,
+        moment=moment,
         scene_name=name,
         profile=output.profile,
         nodes=NODES if nodes is None else nodes,

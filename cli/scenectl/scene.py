@@ -13,6 +13,7 @@ from scenectl.copies import CopiesOption, MinCopiesOption, lacking_text
 from scenectl.deciding import ParticipantsOption, add_participant, even_warning, participants, relieve, remove_participant
 from scenectl.ending import rm
 from scenectl.modes import mode
+from scenectl.moment_values import FpsOption, FrameOption, TimeOption, moment_of
 from scenectl.names import SceneName, SceneOption
 from scenectl.observing import add_observer, remove_observer
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit, note, size_text, table
@@ -25,6 +26,7 @@ from scenefold.base.ids import address_of
 
 if TYPE_CHECKING:
     from scenefold.client import Deciders, FormerKeys, ImportReport, SceneInfo, SceneListing
+    from scenefold.scene.importers import Moment
     from scenefold.scene.payloads.document import SceneDocument
 
 app = App(name="scene", help="Make scenes, fill them, and say who may use them.", help_format="plaintext")
@@ -160,6 +162,10 @@ def import_(
     /,
     *,
     scene: SceneOption | None = None,
+    frame: FrameOption = None,
+    fps: FpsOption = None,
+    time: TimeOption = None,
+    animation: str | None = None,
     rate: float | None = None,
     dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
@@ -176,6 +182,14 @@ def import_(
         The file to import.
     scene
         Name of the scene; by default that of the file without its ending.
+    frame
+        Frame of a file with animations, from 0 on; without --frame and --time it is shown at rest.
+    fps
+        Frames in a second, by default 24.
+    time
+        Seconds since the animations began, instead of a frame.
+    animation
+        Name of the animation to play; by default all of the file play.
     rate
         MiB that are stored in a second, at most, so that others can work meanwhile; by default as fast as it goes.
     dry_run
@@ -188,13 +202,14 @@ def import_(
     from scenefold.client import scene_name_of
 
     name, speed = scene_name_of(file.stem) if scene is None else scene, bytes_per_s(rate)
+    moment = moment_of("scenectl scene import", frame=frame, fps=fps, time=time, animation=animation)
     if dry_run:
-        _plan_import(name, file, output)
+        _plan_import(name, file, moment, output)
         return
 
     async def work(progress: Progress) -> ImportReport:
         async with connected(output.profile) as cluster:
-            _, report = await cluster.scenes.import_file(name, file, progress, speed, replacing=tell)
+            _, report = await cluster.scenes.import_file(name, file, progress, speed, replacing=tell, moment=moment)
             return report
 
     def tell(content: SceneDocument) -> None:
@@ -210,7 +225,7 @@ def import_(
     emit(output, {"scene": name, "file": str(file), **report.document()}, text)
 
 
-def _plan_import(name: str, file: Path, output: ProfileOutput) -> None:
+def _plan_import(name: str, file: Path, moment: Moment | None, output: ProfileOutput) -> None:
     """Say what an import would store."""
     from scenectl.progress import Progress
     from scenectl.running import run
@@ -219,7 +234,7 @@ def _plan_import(name: str, file: Path, output: ProfileOutput) -> None:
 
     async def plan(progress: Progress) -> tuple[PreparedImport, int, int]:
         world = offline_world()
-        prepared = await prepare_import(world, file, progress)
+        prepared = await prepare_import(world, file, progress, moment)
         return prepared, *await world.workers.run("import", prepared.totals)
 
     with Progress(quiet=output.json) as progress:

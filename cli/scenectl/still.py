@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scenefold.render.choice import LeftOut, Renderers
     from scenefold.render.client import StillOptions, StillResult
     from scenefold.render.view import Shown
+    from scenefold.scene.importers import Moment
 
 ADDRESSES_SHOWN = 8
 
@@ -42,6 +43,8 @@ class StillJob:
     options: StillOptions
     exr: Path
     png: Path
+    moment: Moment | None = None
+    """Of the file; None: at rest."""
     view: str = "agx"
     """Of the PNG: one of `scenefold.render.view.VIEWS`."""
 
@@ -94,7 +97,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
     if job.file is not None:
         # Before any node is started: a file that cannot be used should not cost more than its reading.
         with phases.time("read"):
-            prepared = await prepare_import(offline_world(), job.file, progress)
+            prepared = await prepare_import(offline_world(), job.file, progress, job.moment)
         prepared.check_camera(job.options.camera)
     async with _cluster(job, phases) as cluster:
         if prepared is None:
@@ -116,6 +119,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
     return {
         "scene": job.scene_name,
         "file": None if job.file is None else str(job.file),
+        "time": None if job.moment is None else job.moment.time_s,
         "nodes": len(nodes),
         "records_per_node": None if imported is None else {node: imported.records_by_node.get(node, 0) for node in nodes},
         "import": None if imported is None else imported.document(),

@@ -34,7 +34,7 @@ from scenefold.client.wishes import Wish
 from scenefold.world import World
 
 if TYPE_CHECKING:
-    from scenefold.scene.importers import ImportItem, ImportPlan
+    from scenefold.scene.importers import ImportItem, ImportPlan, Moment
     from scenefold.scene.payloads.document import SceneDocument
 
 _UNITS = {"geometry": "triangles", "textures": "tiles", "tables": "pages"}
@@ -105,13 +105,13 @@ class PreparedImport:
             check_camera(name, self.plan.camera_names)
 
 
-async def prepare_import(world: World, path: Path, progress: ProgressCallback) -> PreparedImport:
-    """Read a file in a worker thread; LocalFault says what is wrong with it."""
-    from scenefold.scene.importers import plan_import, read_scene
+async def prepare_import(world: World, path: Path, progress: ProgressCallback, moment: Moment | None = None) -> PreparedImport:
+    """Read a file in a worker thread, at a moment of its animations (None: at rest); LocalFault says what is wrong with it."""
+    from scenefold.scene.importers import AT_REST, plan_import, read_scene
 
     begun = world.clock.now()
     progress(ProgressState("read", 0, 1, "file"))
-    source = await world.workers.run("import", read_scene, path)
+    source = await world.workers.run("import", read_scene, path, moment or AT_REST)
     marks = _Marks()
     plan = await world.workers.run("import", plan_import, source, marks)
     progress(ProgressState("read", 1, 1, "file"))

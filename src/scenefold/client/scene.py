@@ -33,6 +33,7 @@ from scenefold.scene.log import LoggedSpace
 
 if TYPE_CHECKING:
     from scenefold.crypto import Card
+    from scenefold.scene.importers import Moment
     from scenefold.scene.payloads.document import SceneDocument
     from scenefold.wire import ParticipantEntry, RenderSettings, Role
 
@@ -214,14 +215,20 @@ class Scene:
         return await export_scene(self.access, Path(path), callback_of(progress), bytes_per_s, dry_run=dry_run)
 
     async def import_file(
-        self, path: Path | str, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None
+        self,
+        path: Path | str,
+        progress: ProgressCallback | bool = False,
+        bytes_per_s: float | None = None,
+        *,
+        moment: Moment | None = None,
     ) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.
 
         The content becomes visible at once when everything is durable, and not before. An interrupted import is
         repeated by calling this again; what is there already is kept. LocalFault says what is wrong with a file.
         `progress`: a function that is told of every step, or True to have the phases in the log. `bytes_per_s`: of payloads, at most.
+        `moment`: of a file that moves; None: at rest.
         """
         tell = callback_of(progress)
-        prepared = await prepare_import(self.access.calls.world, Path(path), tell)
+        prepared = await prepare_import(self.access.calls.world, Path(path), tell, moment)
         return await store_import(self.access, prepared, tell, bytes_per_s)

@@ -34,6 +34,7 @@ from scenefold.world.keyring import KeptScene, Keyring, checked_name
 from scenefold.world.log_view import LogView
 
 if TYPE_CHECKING:
+    from scenefold.scene.importers import Moment
     from scenefold.scene.payloads.document import SceneDocument
 
 Result = TypeVar("Result")
@@ -177,6 +178,7 @@ class Scenes:
         bytes_per_s: float | None = None,
         *,
         replacing: Callable[[SceneDocument], None] | None = None,
+        moment: Moment | None = None,
     ) -> tuple[Scene, ImportReport]:
         """Import a file into the scene of this name, made if there is none once the file is known to be good.
 
@@ -184,7 +186,7 @@ class Scenes:
         """
         checked_name(name, "scene")
         tell = callback_of(progress)
-        prepared = await prepare_import(self._calls.world, Path(path), tell)
+        prepared = await prepare_import(self._calls.world, Path(path), tell, moment)
         return await self.import_prepared(name, prepared, tell, bytes_per_s, replacing=replacing)
 
     async def import_prepared(
