@@ -28,7 +28,7 @@ class PlainRenderer:
         rows = held.arrays.materials
         if partition.nodes != 1:
             raise LocalFault("plain renders on one node", remedy="give the job one node")
-        if rows[:, [M.TRANSMISSION, M.ALPHA_MODE]].any() or (rows[:, [M.BASE_TEXTURE, M.METALLIC_ROUGHNESS_TEXTURE]] >= 0).any():
+        if rows[:, [M.TRANSMISSION, M.ALPHA_MODE]].any() or (rows[:, [M.BASE_USE, M.METALLIC_ROUGHNESS_USE]] >= 0).any():
             raise LocalFault("plain knows no textures, alpha and glass", remedy="render with embree")
         return PlainScene(held, numbers)
 

@@ -35,46 +35,39 @@ class MaterialColumn:
     ALPHA_MODE = 12
     """0 opaque, 1 mask, 2 blend."""
     ALPHA_CUTOFF = 13
-    BASE_TEXTURE = 14
-    """Index into `textures`, or -1."""
-    METALLIC_ROUGHNESS_TEXTURE = 15
-    WRAP_S = 16
-    """0 repeat, 1 clamp to edge, 2 mirrored repeat."""
-    WRAP_T = 17
-    NEAREST = 18
-    UNLIT = 19
+    UNLIT = 14
     """1: it shows its base colour, whatever the light."""
-    BASE_USE = 20
+    BASE_USE = 15
     """Like the ten that follow it: index into `texture_uses`, or -1. Which channels count is glTF's rule (TEXTURE_SLOTS)."""
-    METALLIC_ROUGHNESS_USE = 21
-    NORMAL_USE = 22
-    OCCLUSION_USE = 23
-    EMISSIVE_USE = 24
-    TRANSMISSION_USE = 25
-    CLEARCOAT_USE = 26
-    CLEARCOAT_ROUGHNESS_USE = 27
-    CLEARCOAT_NORMAL_USE = 28
-    SPECULAR_USE = 29
-    SPECULAR_COLOR_USE = 30
-    NORMAL_SCALE = 31
-    OCCLUSION_STRENGTH = 32
-    EMISSIVE = 33
+    METALLIC_ROUGHNESS_USE = 16
+    NORMAL_USE = 17
+    OCCLUSION_USE = 18
+    EMISSIVE_USE = 19
+    TRANSMISSION_USE = 20
+    CLEARCOAT_USE = 21
+    CLEARCOAT_ROUGHNESS_USE = 22
+    CLEARCOAT_NORMAL_USE = 23
+    SPECULAR_USE = 24
+    SPECULAR_COLOR_USE = 25
+    NORMAL_SCALE = 26
+    OCCLUSION_STRENGTH = 27
+    EMISSIVE = 28
     """3 columns: radiance before the emissive texture, of which EMISSION has the mean in it; rounded to f32."""
-    THICKNESS = 36
+    THICKNESS = 31
     """0: a thin wall. Else solid, whatever the number."""
-    ATTENUATION_DISTANCE = 37
+    ATTENUATION_DISTANCE = 32
     """In the world's unit; inf: the inside is clear."""
-    ATTENUATION_COLOR = 38
+    ATTENUATION_COLOR = 33
     """3 columns."""
-    CLEARCOAT = 41
-    CLEARCOAT_ROUGHNESS = 42
-    CLEARCOAT_NORMAL_SCALE = 43
-    SPECULAR = 44
-    SPECULAR_COLOR = 45
+    CLEARCOAT = 36
+    CLEARCOAT_ROUGHNESS = 37
+    CLEARCOAT_NORMAL_SCALE = 38
+    SPECULAR = 39
+    SPECULAR_COLOR = 40
     """3 columns; may pass 1."""
-    VERTEX_ALPHA = 48
+    VERTEX_ALPHA = 43
     """1: vertex colours may hide something of it, so it is in no light table unless it is opaque."""
-    WIDTH = 50
+    WIDTH = 44
 
 
 class TextureUseColumn:

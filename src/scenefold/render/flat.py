@@ -25,6 +25,10 @@ class FlatTriangles(NamedTuple):
     """[n, 3, 2]"""
     materials: U16
     """[n]"""
+    uvs2: F32
+    """[n, 3, 2]"""
+    colors: F32
+    """[n, 3, 4]; 1 where the file has none."""
 
 
 def flat_triangles(held: HeldScene) -> FlatTriangles:
@@ -45,16 +49,16 @@ def flat_triangles(held: HeldScene) -> FlatTriangles:
                 rows = slice(first, first + group.triangles)
                 pieces.append(_in_world(arrays, arrays.triangles[rows], arrays.triangle_material[rows], instance))
     if not pieces:
-        return FlatTriangles(
-            np.zeros((0, 3, 3), np.float32), np.zeros((0, 3, 3), np.float32), np.zeros((0, 3, 2), np.float32), np.zeros(0, np.uint16)
-        )
+        pieces.append(_in_world(arrays, arrays.triangles[:0], arrays.triangle_material[:0], 0))
     return FlatTriangles(*(np.concatenate(columns) for columns in zip(*pieces, strict=True)))
 
 
 def _in_world(arrays: SceneArrays, triangles: U32, materials: U16, instance: int) -> FlatTriangles:
     positions, normals, uvs = arrays.vertices[triangles], arrays.normals[triangles], arrays.uvs[triangles]
+    uvs2 = arrays.uvs2[triangles] if arrays.has_uvs2 else np.zeros_like(uvs)
+    colors = arrays.colors[triangles] if arrays.has_colors else np.ones((*triangles.shape, 4), np.float32)
     if instance == 0:
-        return FlatTriangles(positions, normals, uvs, materials)
+        return FlatTriangles(positions, normals, uvs, materials, uvs2, colors)
     matrix = arrays.instance_matrices[instance]
     turn = matrix[:, :3]
     placed = positions.astype(np.float64) @ turn.T + matrix[:, 3]
@@ -63,4 +67,6 @@ def _in_world(arrays: SceneArrays, triangles: U32, materials: U16, instance: int
     turned = np.where(lengths > 0, turned / np.maximum(lengths, 1e-300), 0.0)
     # A mirror turns the winding, and the front stays the front (glTF 2.0, 3.7.4).
     order = [2, 1, 0] if np.linalg.det(turn) < 0 else [0, 1, 2]
-    return FlatTriangles(placed[:, order].astype(np.float32), turned[:, order].astype(np.float32), uvs[:, order], materials)
+    return FlatTriangles(
+        placed[:, order].astype(np.float32), turned[:, order].astype(np.float32), uvs[:, order], materials, uvs2[:, order], colors[:, order]
+    )

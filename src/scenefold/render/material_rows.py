@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenefold.render.arrays import F64, MaterialColumn, TextureUseColumn
-from scenefold.scene.payloads.materials import TEXTURE_SLOTS, Material
+from scenefold.scene.payloads.materials import TEXTURE_SLOTS
 from scenefold.scene.payloads.texture_uses import TextureUse
 from scenefold.scene.tables import SceneTables
 
@@ -67,20 +67,7 @@ def material_rows(tables: SceneTables) -> tuple[F64, F64]:
         for slot, column in USE_COLUMNS.items():
             use = material.texture(slot)
             row[column] = -1 if use is None else numbers.setdefault(use, len(numbers))
-        _enter_common_use(row, material)
     uses = np.zeros((max(len(numbers), 1), TextureUseColumn.WIDTH))
     for use, number in numbers.items():
         uses[number] = (use.texture, use.wrap_s, use.wrap_t, use.nearest, use.uv_set, *use.transform)
     return rows, uses
-
-
-def _enter_common_use(row: F64, material: Material) -> None:
-    """The columns for kernels that read all textures of a material in one way, at the coordinates that the vertices have."""
-    base, rough = material.base_color_texture, material.metallic_roughness_texture
-    common = base or rough
-    alike = base is None or rough is None or (base.uv_set, base.transform) == (rough.uv_set, rough.transform)
-    row[MaterialColumn.BASE_TEXTURE] = -1 if base is None else base.texture
-    row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE] = -1 if rough is None or not alike else rough.texture
-    if common is not None:
-        row[MaterialColumn.WRAP_S], row[MaterialColumn.WRAP_T] = float(common.wrap_s), float(common.wrap_t)
-        row[MaterialColumn.NEAREST] = float(common.nearest)

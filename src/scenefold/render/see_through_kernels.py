@@ -25,7 +25,7 @@ from numba import njit
 from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import fresnel_schlick
 from scenefold.render.precise_kernels import mix64
-from scenefold.render.texture_kernels import sample_texture
+from scenefold.render.texture_kernels import sample_use
 
 ALPHA_MASK = 1.0
 ALPHA_BLEND = 2.0
@@ -37,15 +37,14 @@ _BASE, _METALLIC, _TRANSMISSION, _IOR = (
     MaterialColumn.IOR,
 )
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
-_BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLIC_ROUGHNESS_TEXTURE
-_WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
+_BASE_USE, _MR_USE = MaterialColumn.BASE_USE, MaterialColumn.METALLIC_ROUGHNESS_USE
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def is_see_through(row):  # type: ignore[no-untyped-def]
     """Whether anything can pass a material: float32[MaterialColumn.WIDTH]."""
     # A texture may take back what the factor says of metal.
-    return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and (row[_METALLIC] < 1.0 or row[_MR_TEXTURE] >= 0.0))
+    return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and (row[_METALLIC] < 1.0 or row[_MR_USE] >= 0.0))
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -59,13 +58,13 @@ def opacity(row, alpha):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def is_surely_opaque(mode, cutoff, alpha, base_texture):  # type: ignore[no-untyped-def]
+def is_surely_opaque(mode, cutoff, alpha, base_use, vertex_alpha):  # type: ignore[no-untyped-def]
     """Whether alpha hides nothing of a material anywhere (lanes, or numbers); next-event estimation asks no other emitters.
 
-    It would have to know alpha at the point that it samples, and the texels there are held elsewhere.
+    It would have to know alpha at the point that it samples, and the texels and vertices there are held elsewhere.
     """
     whole = ((mode == ALPHA_MASK) & (alpha >= cutoff)) | ((mode == ALPHA_BLEND) & (alpha >= 1.0))
-    return (mode == 0.0) | ((base_texture < 0.0) & whole)
+    return (mode == 0.0) | ((base_use < 0.0) & (vertex_alpha == 0.0) & whole)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -112,18 +111,27 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
         return 0.0, 0.0, 0.0
     i0, i1, i2 = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
     r, g, b, alpha, metallic = row[_BASE], row[_BASE + 1], row[_BASE + 2], row[_BASE + 3], row[_METALLIC]
-    base, rough = int(row[_BASE_TEXTURE]), int(row[_MR_TEXTURE])
+    w = 1.0 - u - v
+    base, rough = int(row[_BASE_USE]), int(row[_MR_USE])
     if base >= 0 or rough >= 0:
-        w = 1.0 - u - v
         tu = w * scene.uvs[i0, 0] + u * scene.uvs[i1, 0] + v * scene.uvs[i2, 0]
         tv = w * scene.uvs[i0, 1] + u * scene.uvs[i1, 1] + v * scene.uvs[i2, 1]
-        wrap_s, wrap_t, nearest = int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0
+        tu2, tv2 = tu, tv
+        if scene.has_uvs2:
+            tu2 = w * scene.uvs2[i0, 0] + u * scene.uvs2[i1, 0] + v * scene.uvs2[i2, 0]
+            tv2 = w * scene.uvs2[i0, 1] + u * scene.uvs2[i1, 1] + v * scene.uvs2[i2, 1]
         if base >= 0:
-            tr, tg, tb, ta = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, base, tu, tv, wrap_s, wrap_t, nearest)
+            tr, tg, tb, ta = sample_use(scene, base, tu, tv, tu2, tv2)
             r, g, b, alpha = r * tr, g * tg, b * tb, alpha * ta
         if rough >= 0:
-            _, _, tb, _ = sample_texture(scene.textures, scene.texels, scene.linear_of_srgb, rough, tu, tv, wrap_s, wrap_t, nearest)
+            _, _, tb, _ = sample_use(scene, rough, tu, tv, tu2, tv2)
             metallic *= tb
+    if scene.has_colors:
+        c = scene.colors
+        r *= w * c[i0, 0] + u * c[i1, 0] + v * c[i2, 0]
+        g *= w * c[i0, 1] + u * c[i1, 1] + v * c[i2, 1]
+        b *= w * c[i0, 2] + u * c[i1, 2] + v * c[i2, 2]
+        alpha *= w * c[i0, 3] + u * c[i1, 3] + v * c[i2, 3]
     a = opacity(row, alpha)
     if not row[_TRANSMISSION] > 0.0:
         return 1.0 - a, 1.0 - a, 1.0 - a

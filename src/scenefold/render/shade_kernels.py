@@ -70,7 +70,7 @@ _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
     MaterialColumn.EMISSION,
 )
 _TRANSMISSION, _IOR, _DOUBLE_SIDED = MaterialColumn.TRANSMISSION, MaterialColumn.IOR, MaterialColumn.DOUBLE_SIDED
-_BASE_TEXTURE = MaterialColumn.BASE_TEXTURE
+_BASE_USE, _VERTEX_ALPHA = MaterialColumn.BASE_USE, MaterialColumn.VERTEX_ALPHA
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 
 
@@ -188,7 +188,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = surface_at(scene, triangle, instance, u, v)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
-    base_r, base_g, base_b, metallic, alpha = material_at(scene, material, tu, tv, scratch)
+    base_r, base_g, base_b, metallic, alpha = material_at(scene, material, triangle, u, v, tu, tv, scratch)
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
     front = facing > 0.0
@@ -231,7 +231,8 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     if any_lane(shines):
         opaque = is_surely_opaque(
             gather(rows, (material, _ALPHA_MODE)), gather(rows, (material, _ALPHA_CUTOFF)),
-            gather(rows, (material, _BASE + 3)), gather(rows, (material, _BASE_TEXTURE)),
+            gather(rows, (material, _BASE + 3)), gather(rows, (material, _BASE_USE)),
+            gather(rows, (material, _VERTEX_ALPHA)),
         )  # fmt: skip
         found = (ray.pdf != np.uint32(PDF_DELTA)) & (facing > 1e-6) & opaque
         other = emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)

@@ -11,11 +11,10 @@ from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import ALPHA_MIN
 from scenefold.render.lane_values_kernels import alike, any_lane, gather, put, select, take
 from scenefold.render.lanes_kernels import LANES
-from scenefold.render.texture_kernels import sample_texture
+from scenefold.render.texture_kernels import sample_use
 
 _BASE, _METALLIC, _ROUGHNESS = MaterialColumn.BASE, MaterialColumn.METALLIC, MaterialColumn.ROUGHNESS
-_BASE_TEXTURE, _MR_TEXTURE = MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLIC_ROUGHNESS_TEXTURE
-_WRAP_S, _WRAP_T, _NEAREST = MaterialColumn.WRAP_S, MaterialColumn.WRAP_T, MaterialColumn.NEAREST
+_BASE_USE, _MR_USE = MaterialColumn.BASE_USE, MaterialColumn.METALLIC_ROUGHNESS_USE
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -72,38 +71,60 @@ def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _texture(scene, material, column, tu, tv, scratch):  # type: ignore[no-untyped-def]
-    """Red, green and blue of the texture that a column of the materials names; 1 where there is none.
-
-    Lane by lane: almost all that it does is to look up texels.
-    """
-    rows, reals = scene.materials, scratch.view(np.float32)
-    named = gather(rows, (material, column))
-    one = alike(1.0, tu)
-    if not any_lane(named >= 0.0):
-        return one, one, one
-    put(scratch, 0, material)
-    put(reals, LANES, tu)
-    put(reals, 2 * LANES, tv)
-    for k in range(LANES):
-        row = rows[scratch[k]]
-        texture = int(row[column])
-        r = g = b = 1.0
-        if texture >= 0:
-            r, g, b, _ = sample_texture(
-                scene.textures, scene.texels, scene.linear_of_srgb, texture,
-                reals[LANES + k], reals[2 * LANES + k], int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0,
-            )  # fmt: skip
-        reals[3 * LANES + k], reals[4 * LANES + k], reals[5 * LANES + k] = np.float32(r), np.float32(g), np.float32(b)
-    return take(reals, 3 * LANES), take(reals, 4 * LANES), take(reals, 5 * LANES)
+def _second_coordinates(scene, triangle, u, v, tu, tv):  # type: ignore[no-untyped-def]
+    """The second set of texture coordinates; where nothing has one, the first."""
+    if scene.has_uvs2:
+        i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
+        w = 1.0 - u - v
+        tu, tv = _blend(w, u, v, scene.uvs2, i0, i1, i2, 0), _blend(w, u, v, scene.uvs2, i0, i1, i2, 1)
+    return tu, tv
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def material_at(scene, material, tu, tv, scratch):  # type: ignore[no-untyped-def]
-    """Base colour, metallic and roughness with their textures applied."""
+def _vertex_color(scene, triangle, u, v):  # type: ignore[no-untyped-def]
+    """Red, green and blue of the vertices' colours, in a scene that has some."""
+    i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
+    w, c = 1.0 - u - v, scene.colors
+    return _blend(w, u, v, c, i0, i1, i2, 0), _blend(w, u, v, c, i0, i1, i2, 1), _blend(w, u, v, c, i0, i1, i2, 2)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _texture(scene, material, column, places, scratch):  # type: ignore[no-untyped-def]
+    """Linear red, green, blue and alpha of the texture use that a column of the materials names; 1 where there is none.
+
+    places: both sets of coordinates, four lanes. Lane by lane: almost all that it does is to look up texels.
+    """
+    rows, reals = scene.materials, scratch.view(np.float32)
+    named = gather(rows, (material, column))
+    one = alike(1.0, places[0])
+    if not any_lane(named >= 0.0):
+        return one, one, one, one
+    put(scratch, 0, material)
+    put(reals, LANES, places[0])
+    put(reals, 2 * LANES, places[1])
+    put(reals, 3 * LANES, places[2])
+    put(reals, 4 * LANES, places[3])
+    for k in range(LANES):
+        use = int(rows[scratch[k], column])
+        r = g = b = a = 1.0
+        if use >= 0:
+            r, g, b, a = sample_use(scene, use, reals[LANES + k], reals[2 * LANES + k], reals[3 * LANES + k], reals[4 * LANES + k])
+        reals[5 * LANES + k], reals[6 * LANES + k], reals[7 * LANES + k] = np.float32(r), np.float32(g), np.float32(b)
+        reals[8 * LANES + k] = np.float32(a)
+    return take(reals, 5 * LANES), take(reals, 6 * LANES), take(reals, 7 * LANES), take(reals, 8 * LANES)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def material_at(scene, material, triangle, u, v, tu, tv, scratch):  # type: ignore[no-untyped-def]
+    """Base colour, metallic and GGX alpha, with textures and vertex colours applied, at barycentric (u, v) of a triangle."""
     rows = scene.materials
-    tr, tg, tb = _texture(scene, material, _BASE_TEXTURE, tu, tv, scratch)
+    tu2, tv2 = _second_coordinates(scene, triangle, u, v, tu, tv)
+    places = (tu, tv, tu2, tv2)
+    tr, tg, tb, _ = _texture(scene, material, _BASE_USE, places, scratch)
     r, g, b = gather(rows, (material, _BASE)) * tr, gather(rows, (material, _BASE + 1)) * tg, gather(rows, (material, _BASE + 2)) * tb
-    _, tg, tb = _texture(scene, material, _MR_TEXTURE, tu, tv, scratch)
+    if scene.has_colors:
+        cr, cg, cb = _vertex_color(scene, triangle, u, v)
+        r, g, b = r * cr, g * cg, b * cb
+    _, tg, tb, _ = _texture(scene, material, _MR_USE, places, scratch)
     roughness, metallic = gather(rows, (material, _ROUGHNESS)) * tg, gather(rows, (material, _METALLIC)) * tb
     return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)

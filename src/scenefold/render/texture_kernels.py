@@ -1,4 +1,4 @@
-"""Looking up RGBA8 textures: nearest or bilinear, with glTF's three ways to wrap."""
+"""Looking up RGBA8 textures: nearest or bilinear, with glTF's three ways to wrap, as a texture use says (specs/05-scene-content.md)."""
 
 from __future__ import annotations
 
@@ -6,9 +6,19 @@ import math
 
 from numba import njit
 
-from scenefold.render.arrays import TextureColumn
+from scenefold.render.arrays import TextureColumn, TextureUseColumn
 
 _OFFSET, _WIDTH, _HEIGHT, _SRGB = TextureColumn.OFFSET, TextureColumn.WIDTH_PX, TextureColumn.HEIGHT_PX, TextureColumn.SRGB
+_TEXTURE, _UV_SET, _NEAREST = TextureUseColumn.TEXTURE, TextureUseColumn.UV_SET, TextureUseColumn.NEAREST
+_WRAP_S, _WRAP_T = TextureUseColumn.WRAP_S, TextureUseColumn.WRAP_T
+_M00, _M01, _M02, _M10, _M11, _M12 = (
+    TextureUseColumn.M00,
+    TextureUseColumn.M01,
+    TextureUseColumn.M02,
+    TextureUseColumn.M10,
+    TextureUseColumn.M11,
+    TextureUseColumn.M12,
+)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -58,3 +68,15 @@ def sample_texture(textures, texels, linear_of_srgb, texture, u, v, wrap_s, wrap
         a2 * w00 + b2 * w10 + d2 * w01 + e2 * w11,
         a3 * w00 + b3 * w10 + d3 * w01 + e3 * w11,
     )
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def sample_use(scene, use, u, v, u2, v2):  # type: ignore[no-untyped-def]
+    """Linear RGBA (four f64) of a use, a row of `scene.texture_uses`, where the vertices' two sets of coordinates are these."""
+    row = scene.texture_uses[use]
+    s, t = (u2, v2) if row[_UV_SET] != 0.0 else (u, v)
+    return sample_texture(
+        scene.textures, scene.texels, scene.linear_of_srgb, int(row[_TEXTURE]),
+        row[_M00] * s + row[_M01] * t + row[_M02], row[_M10] * s + row[_M11] * t + row[_M12],
+        int(row[_WRAP_S]), int(row[_WRAP_T]), row[_NEAREST] != 0.0,
+    )  # fmt: skip

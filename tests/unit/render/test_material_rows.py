@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
-import numpy as np
-
 from scenefold.render.arrays import MaterialColumn, TextureUseColumn
 from scenefold.render.material_rows import USE_COLUMNS, material_rows
 from scenefold.scene.payloads.materials import TEXTURE_SLOTS, AlphaMode, Material, TextureUse, Wrap
@@ -56,16 +54,3 @@ def test_each_slot_names_its_use_and_alike_ones_are_one() -> None:
     assert uses[0].tolist() == [7, 1, 2, 1, 1, *MOVED]
     named = [uses[int(rows[1, USE_COLUMNS[slot]]), TextureUseColumn.TEXTURE] for slot in TEXTURE_SLOTS]
     assert named == list(range(len(TEXTURE_SLOTS))) and len(uses) == len(TEXTURE_SLOTS) + 1
-
-
-def test_one_way_of_reading_holds_for_both_textures_or_for_the_base_colour() -> None:
-    base = TextureUse(3, 0, Wrap.MIRROR, Wrap.CLAMP, True)
-    rows, _ = rows_of(
-        Material(base_color_texture=base, metallic_roughness_texture=TextureUse(4)),
-        Material(base_color_texture=base, metallic_roughness_texture=TextureUse(4, 1)),
-        Material(metallic_roughness_texture=base),
-        Material(),
-    )
-    columns = [MaterialColumn.BASE_TEXTURE, MaterialColumn.METALLIC_ROUGHNESS_TEXTURE, MaterialColumn.WRAP_S, MaterialColumn.NEAREST]
-    expected = [[3, 4, 2, 1], [3, -1, 2, 1], [-1, 3, 2, 1], [-1, -1, 0, 0]]
-    assert np.array_equal(rows[:, columns], expected)

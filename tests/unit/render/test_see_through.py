@@ -25,5 +25,5 @@ from scenefold.render.see_through_kernels import is_see_through
 def test_what_may_pass_a_material(alpha_mode: int, transmission: float, metallic: float, texture: int, passes: bool) -> None:
     row = np.zeros(MaterialColumn.WIDTH, np.float32)
     row[MaterialColumn.ALPHA_MODE], row[MaterialColumn.TRANSMISSION], row[MaterialColumn.METALLIC] = alpha_mode, transmission, metallic
-    row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE] = texture
+    row[MaterialColumn.METALLIC_ROUGHNESS_USE] = texture
     assert is_see_through(row) == passes

@@ -18,30 +18,26 @@ def scene(*materials: Material, colors: bool = False) -> SourceScene:
 
 
 def test_what_is_rendered_is_not_named() -> None:
-    plain = Material(base_color_texture=TextureUse(0), metallic_roughness_texture=TextureUse(1), emissive=(1.0, 2.0, 3.0), transmission=0.5)
-    assert unshown(scene(Material(), plain)) == []
+    turned = TextureUse(1, transform=(2.0, 0.0, 0.0, 0.0, 2.0, 0.0))
+    plain = Material(base_color_texture=TextureUse(0), metallic_roughness_texture=turned, emissive=(1.0, 2.0, 3.0), transmission=0.5)
+    assert unshown(scene(Material(), plain, colors=True)) == []
 
 
 def test_what_is_kept_for_later_is_named_once_with_its_number() -> None:
-    turned = TextureUse(0, transform=(2.0, 0.0, 0.0, 0.0, 2.0, 0.0))
     lines = unshown(
         scene(
             Material(normal_texture=TextureUse(0), clearcoat=1.0),
             Material(normal_texture=TextureUse(0), occlusion_texture=TextureUse(0), emissive_texture=TextureUse(0)),
             Material(transmission=1.0, thickness=0.1, transmission_texture=TextureUse(0), specular=0.5, unlit=True),
-            Material(base_color_texture=TextureUse(0), metallic_roughness_texture=turned),
-            colors=True,
         )
     )
     assert lines == [
         "clear coats, kept but not rendered yet (1)",
         "emissive textures, rendered as their mean (1)",
         "insides of glass, kept but not rendered yet (1)",
-        "metallic-roughness textures with coordinates of their own, kept but not rendered yet (1)",
         "normal maps, kept but not rendered yet (2)",
         "occlusion maps, kept but not rendered yet (1)",
         "specular weights and colours, kept but not rendered yet (1)",
         "transmission textures, kept but not rendered yet (1)",
         "unlit materials, kept but not rendered yet (1)",
-        "vertex colours, kept but not rendered yet (1)",
     ]

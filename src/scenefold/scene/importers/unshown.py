@@ -21,20 +21,13 @@ _OF_MATERIALS: dict[str, Callable[[Material], bool]] = {
     ),
     "insides of glass": lambda one: one.transmission > 0.0 and one.thickness > 0.0,
     "unlit materials": lambda one: one.unlit,
-    "metallic-roughness textures with coordinates of their own": lambda one: (
-        one.base_color_texture is not None
-        and one.metallic_roughness_texture is not None
-        and (one.base_color_texture.uv_set, one.base_color_texture.transform)
-        != (one.metallic_roughness_texture.uv_set, one.metallic_roughness_texture.transform)
-    ),
 }
 
 
 def unshown(source: SourceScene) -> list[str]:
-    """One line for each kind of thing, with how many materials or mesh parts have it."""
+    """One line for each kind of thing, with how many materials have it."""
     found = NotCarried()
     for what, has in _OF_MATERIALS.items():
         found.note(what + _KEPT, sum(has(material) for material in source.materials))
     found.note("emissive textures, rendered as their mean", sum(one.emissive_texture is not None for one in source.materials))
-    found.note("vertex colours" + _KEPT, sum(part.colors is not None for parts in source.meshes for part in parts))
     return found.lines()

@@ -26,7 +26,7 @@ from numba import carray, cfunc, njit, types
 
 from scenefold.base.rays import KIND_POINT_SHADOW
 from scenefold.partition.kernels import exit_after, owner_ahead
-from scenefold.render.arrays import F32, F64, I64, U8, U16, U32, MaterialColumn, TextureColumn
+from scenefold.render.arrays import F32, F64, I64, U8, U16, U32, MaterialColumn, TextureColumn, TextureUseColumn
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.pixel_kernels import pixel_of
 from scenefold.render.precise_kernels import path_key
@@ -86,11 +86,20 @@ class FilterArrays(NamedTuple):
     textures: I64
     texels: U8
     linear_of_srgb: F64
+    texture_uses: F64
+    uvs2: F32
+    colors: F32
+    has_uvs2: bool
+    has_colors: bool
 
 
-ARRAY_ADDRESSES = 11
-"""Addresses of the arrays of `FilterArrays`, in order, and of group_first, instance_matrices and instance_normals."""
-_MATERIAL_WIDTH, _TEXTURE_WIDTH = MaterialColumn.WIDTH, TextureColumn.WIDTH
+TABLE = (
+    "vertices", "uvs", "triangles", "triangle_material", "materials", "textures", "texels", "linear_of_srgb",
+    "group_first", "instance_matrices", "instance_normals", "texture_uses", "uvs2", "colors",
+)  # fmt: skip
+"""Arrays of `SceneArrays` whose addresses the filters are given, in this order; 0 or 1 for has_uvs2 and for has_colors follow."""
+TABLE_WORDS = len(TABLE) + 2
+_MATERIAL_WIDTH, _TEXTURE_WIDTH, _USE_WIDTH = MaterialColumn.WIDTH, TextureColumn.WIDTH, TextureUseColumn.WIDTH
 
 
 @njit(error_model="numpy")
@@ -107,6 +116,11 @@ def _passing_channels(context, ray, hit, instance, group, primitive):  # type: i
         carray(i64_at(load_i64(table + 40)), (many, _TEXTURE_WIDTH)),
         carray(u8_at(load_i64(table + 48)), (many,)),
         carray(f64_at(load_i64(table + 56)), (256,)),
+        carray(f64_at(load_i64(table + 88)), (many, _USE_WIDTH)),
+        carray(f32_at(load_i64(table + 96)), (many, 2)),
+        carray(f32_at(load_i64(table + 104)), (many, 4)),
+        load_i64(table + 112) != 0,
+        load_i64(table + 120) != 0,
     )
     triangle = load_i64(load_i64(table + 64) + np.int64(8) * np.int64(group)) + np.int64(primitive)
     matrices = carray(f64_at(load_i64(table + 72)), (many, 3, 4))
@@ -232,7 +246,7 @@ def cast_batch(  # type: ignore[no-untyped-def]
 
     rays uint32[n, 9], whose t_done is advanced; status uint8[n]; hit_uv float32[n, 2]; hit_ids uint32[n, 3]
     (instance, group, primitive), both written for hits. `first_instance_id`: Embree's id of instance 1. `nearest`
-    and `shadow` are the addresses of the two filters, and `addresses`, int64[ARRAY_ADDRESSES], says where these find
+    and `shadow` are the addresses of the two filters, and `addresses`, int64[TABLE_WORDS], says where these find
     their arrays; `see_through` is 0 where nothing that is held lets rays pass. `alone` is not 0 where there is one cell only,
     so that every ray is cast to its end. scratch uint32[SCRATCH_WORDS].
     A path ray that is already done (65535) left the job's box before it met any cell: it is free at once.

@@ -179,11 +179,9 @@ class EmbreeTracer:
 
 def _addresses_of(arrays: SceneArrays) -> I64:
     """Where the caster's filters find the arrays of a scene, which must outlive the tracer."""
-    fields = [getattr(arrays, name) for name in cast_kernels.FilterArrays._fields]
-    addresses: I64 = np.array(
-        [field.ctypes.data for field in (*fields, arrays.group_first, arrays.instance_matrices, arrays.instance_normals)], np.int64
-    )
-    assert len(addresses) == cast_kernels.ARRAY_ADDRESSES
+    places = [getattr(arrays, name).ctypes.data for name in cast_kernels.TABLE]
+    addresses: I64 = np.array([*places, arrays.has_uvs2, arrays.has_colors], np.int64)
+    assert len(addresses) == cast_kernels.TABLE_WORDS
     return addresses
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from scenefold.render.arrays import U8, MaterialColumn, SceneArrays, TextureColumn
+from scenefold.render.arrays import I64, U8, MaterialColumn, SceneArrays, TextureColumn, TextureUseColumn
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 
 _WRAPS = ("repeat", "clamp", "mirror")
@@ -33,23 +33,29 @@ class Looks:
         self.shines = bool((row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] > 0.0).any())
         self.double_sided = row[MaterialColumn.DOUBLE_SIDED] != 0.0
         self._mode = float(row[MaterialColumn.ALPHA_MODE])
-        wholly_metal = row[MaterialColumn.METALLIC] >= 1.0 and row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE] < 0
+        wholly_metal = row[MaterialColumn.METALLIC] >= 1.0 and row[MaterialColumn.METALLIC_ROUGHNESS_USE] < 0
         self.may_pass = self._mode != 0.0 or bool(row[MaterialColumn.TRANSMISSION] > 0.0 and not wholly_metal)
-        wrap = _WRAPS[int(row[MaterialColumn.WRAP_S])]
-        how = {"wrap_mode": wrap, "filter_type": "nearest" if row[MaterialColumn.NEAREST] else "bilinear"}
-        base, rough = int(row[MaterialColumn.BASE_TEXTURE]), int(row[MaterialColumn.METALLIC_ROUGHNESS_TEXTURE])
-        self._base = _texture(mitsuba, arrays, base, slice(0, 3), how)
-        self._base_alpha = _texture(mitsuba, arrays, base, slice(3, 4), how) if self._mode else None
-        self._rough = _texture(mitsuba, arrays, rough, slice(0, 3), how)
+        base, rough = int(row[MaterialColumn.BASE_USE]), int(row[MaterialColumn.METALLIC_ROUGHNESS_USE])
+        self._base = _Read.of(mitsuba, arrays, base, slice(0, 3))
+        self._base_alpha = _Read.of(mitsuba, arrays, base, slice(3, 4)) if self._mode else None
+        self._rough = _Read.of(mitsuba, arrays, rough, slice(0, 3))
+        self.coloured = arrays.has_colors
+        """Whether its meshes have the attributes vertex_color and vertex_alpha."""
 
     @property
     def textured(self) -> bool:
         """Whether its meshes need texture coordinates."""
         return self._base is not None or self._rough is not None
 
+    @property
+    def reads_second_set(self) -> bool:
+        """Whether its meshes need the attribute vertex_second: u, v, 0."""
+        return any(read is not None and read.second_set for read in (self._base, self._base_alpha, self._rough))
+
     def base(self, si: Any, active: Any) -> Any:
         """Color3f, linear."""
-        return self._color if self._base is None else self._color * self._base.eval(si, active)
+        color = self._color if self._base is None else self._color * self._base.eval(si, active)
+        return color * si.shape.eval_attribute_3("vertex_color", si, active) if self.coloured else color
 
     def roughness_metallic(self, si: Any, active: Any) -> tuple[Any, Any]:
         """Green and blue of their texture, times the factors."""
@@ -64,18 +70,53 @@ class Looks:
         if not self._mode:
             return mi.Float(1.0)
         alpha = self._alpha if self._base_alpha is None else self._alpha * self._base_alpha.eval_1(si, active)
+        if self.coloured:
+            alpha = alpha * si.shape.eval_attribute_1("vertex_alpha", si, active)
         if self._mode == _MASK:
             return dr.select(alpha >= self._cutoff, mi.Float(1.0), mi.Float(0.0))
         return dr.clip(alpha, 0.0, 1.0)
 
 
-def _texture(mitsuba: Mitsuba, arrays: SceneArrays, number: int, channels: slice, how: dict[str, str]) -> Any:
-    """A bitmap of some channels of a texture; None if there is none."""
-    if number < 0:
-        return None
-    row = arrays.textures[number]
+class _Read:
+    """How a material reads some channels of a texture."""
+
+    def __init__(self, mitsuba: Mitsuba, arrays: SceneArrays, use: int, channels: slice) -> None:
+        row = arrays.texture_uses[use]
+        self._mi, self.second_set = mitsuba.mi, bool(row[TextureUseColumn.UV_SET])
+        m = row[TextureUseColumn.M00 : TextureUseColumn.M12 + 1].reshape(2, 3).tolist()
+        how = {
+            "wrap_mode": _WRAPS[int(row[TextureUseColumn.WRAP_S])],
+            "filter_type": "nearest" if row[TextureUseColumn.NEAREST] else "bilinear",
+            "to_uv": mitsuba.mi.ScalarTransform3f([*m, [0.0, 0.0, 1.0]]),
+        }
+        self._bitmap = _bitmap(mitsuba, arrays.textures[int(row[TextureUseColumn.TEXTURE])], arrays.texels, channels, how)
+
+    @classmethod
+    def of(cls, mitsuba: Mitsuba, arrays: SceneArrays, use: int, channels: slice) -> _Read | None:
+        """None if there is no such use."""
+        return cls(mitsuba, arrays, use, channels) if use >= 0 else None
+
+    def _at(self, si: Any, active: Any) -> Any:
+        if not self.second_set:
+            return si
+        moved = self._mi.SurfaceInteraction3f(si)
+        place = si.shape.eval_attribute_3("vertex_second", si, active)
+        moved.uv = self._mi.Point2f(place.x, place.y)
+        return moved
+
+    def eval(self, si: Any, active: Any) -> Any:
+        """Three channels."""
+        return self._bitmap.eval(self._at(si, active), active)
+
+    def eval_1(self, si: Any, active: Any) -> Any:
+        """One channel."""
+        return self._bitmap.eval_1(self._at(si, active), active)
+
+
+def _bitmap(mitsuba: Mitsuba, row: I64, texels: U8, channels: slice, how: dict[str, Any]) -> Any:
+    """A bitmap of some channels of a texture."""
     start, width, height = int(row[TextureColumn.OFFSET]), int(row[TextureColumn.WIDTH_PX]), int(row[TextureColumn.HEIGHT_PX])
-    pixels: U8 = arrays.texels[start : start + width * height * 4].reshape(height, width, 4)[:, :, channels]
+    pixels: U8 = texels[start : start + width * height * 4].reshape(height, width, 4)[:, :, channels]
     is_coded = bool(row[TextureColumn.SRGB]) and channels.stop <= 3
     mi = mitsuba.mi
     form = mi.Bitmap.PixelFormat.RGB if channels.stop <= 3 else mi.Bitmap.PixelFormat.Y

@@ -55,4 +55,9 @@ def _mesh(mitsuba: Mitsuba, triangles: FlatTriangles, looks: Looks, bsdf: Any, s
     if looks.textured:
         buffers["vertex_texcoords"] = triangles.uvs.ravel()
     buffers.update()
+    if looks.reads_second_set:
+        mesh.add_attribute("vertex_second", 3, np.pad(triangles.uvs2.reshape(-1, 2), ((0, 0), (0, 1))).ravel())
+    if looks.coloured:
+        mesh.add_attribute("vertex_color", 3, np.ascontiguousarray(triangles.colors[..., :3]).ravel())
+        mesh.add_attribute("vertex_alpha", 1, np.ascontiguousarray(triangles.colors[..., 3]).ravel())
     return mesh

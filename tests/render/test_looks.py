@@ -1,0 +1,106 @@
+"""If this fails, textures are read at other places than a material says, or vertex colours do not count.
+
+A square seen straight from the front, whose texels end where pixels do: what a pixel shows is one texel, wherever its rays fall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from render.rig import Rendered, Rig
+from render.shapes import grid, looking, scene
+from scenefold.render.contract import load_renderer
+from scenefold.render.kit.rig import Rig as KitRig
+from scenefold.render.renderers.mitsuba import library
+from scenefold.scene.importers.source import MeshPart, SourceTexture
+from scenefold.scene.payloads.materials import AlphaMode, Material
+from scenefold.scene.payloads.texture_uses import TextureUse, Wrap
+
+SIDE = 8
+EYE = looking((0, 0, 5), (0, 0, 0), kind="orthographic", ymag=1.0)
+TEXELS = np.random.default_rng(8).integers(0, 256, (4, 4, 4), np.uint8)
+Floats = npt.NDArray[np.float64]
+
+
+def image_of(texels: npt.NDArray[np.uint8]) -> SourceTexture:
+    return SourceTexture("texels", texels.shape[1], texels.shape[0], False, True, lambda: texels)
+
+
+def square() -> MeshPart:
+    """Its first coordinates run from 0 to 1, its second ones twice as far, from -1 on."""
+    whole = grid((-1, -1, 0), (2, 0, 0), (0, 2, 0), 2, 0, textured=True)
+    assert whole.uvs is not None
+    return replace(whole, uvs2=whole.uvs * np.float32(2.0) - np.float32(1.0))
+
+
+def shown(material: Material, mesh: MeshPart, nodes: int = 2, samples: int = 2, **options: object) -> Rendered:
+    rig = Rig(scene([[mesh]], [material], [EYE], textures=[image_of(TEXELS)]), 4)
+    return rig.render("voronoi", nodes, width=SIDE, height=SIDE, samples=samples, **options)  # type: ignore[arg-type]
+
+
+def expected(use: TextureUse) -> Floats:
+    """[SIDE, SIDE, 4]: the texel in the middle of each pixel."""
+    middles = (np.arange(SIDE) + 0.5) / SIDE
+    u, v = np.meshgrid(middles, middles)
+    if use.uv_set:
+        u, v = 2 * u - 1, 2 * v - 1
+    m00, m01, m02, m10, m11, m12 = use.transform
+    places = []
+    for place, wrap in ((m00 * u + m01 * v + m02, use.wrap_s), (m10 * u + m11 * v + m12, use.wrap_t)):
+        index = np.floor(place * 4).astype(int)
+        mirrored = np.minimum(index % 8, 7 - index % 8)
+        places.append({Wrap.REPEAT: index % 4, Wrap.CLAMP: np.clip(index, 0, 3), Wrap.MIRROR: mirrored}[wrap])
+    found: Floats = TEXELS[places[1], places[0]] / 255
+    return found
+
+
+TURNED = (0.0, 1.0, 0.5, -1.0, 0.0, 0.25)
+USES = [
+    TextureUse(0, nearest=True),
+    TextureUse(0, 1, Wrap.MIRROR, Wrap.CLAMP, True),
+    TextureUse(0, 0, Wrap.CLAMP, Wrap.MIRROR, True, (2.0, 0.0, -0.5, 0.0, 2.0, 1.0)),
+    TextureUse(0, 1, Wrap.REPEAT, Wrap.MIRROR, True, TURNED),
+]
+
+
+@pytest.mark.parametrize("use", USES)
+def test_a_texture_is_read_as_its_use_says(use: TextureUse) -> None:
+    # A second texture with another use: each is read by its own.
+    other = TextureUse(0, nearest=False, transform=(3.0, 0.0, 0.0, 0.0, 3.0, 0.0))
+    material = Material(base_color=(0.5, 1.0, 0.25, 1.0), base_color_texture=use, metallic_roughness_texture=other)
+    albedo = shown(material, square()).layers["albedo"]
+    assert np.abs(albedo - expected(use)[..., :3] * (0.5, 1.0, 0.25)).max() < 1e-6
+
+
+@pytest.mark.parametrize("use", USES)
+def test_alpha_cuts_where_the_use_says(use: TextureUse) -> None:
+    material = Material(base_color_texture=use, alpha_mode=AlphaMode.MASK, alpha_cutoff=0.5)
+    image = shown(material, square(), sky=(7.0, 7.0, 7.0), depth=1)
+    assert np.array_equal(image.beauty[..., 0] > 3.5, expected(use)[..., 3] < 0.5)
+
+
+def test_vertex_colours_multiply_the_base_colour_and_its_alpha() -> None:
+    mesh = square()
+    mesh = replace(mesh, colors=np.tile(np.array([0.5, 0.25, 1.0, 0.75], np.float32), (len(mesh.positions), 1)))
+    use = TextureUse(0, nearest=True)
+    albedo = shown(Material(base_color_texture=use), mesh).layers["albedo"]
+    assert np.abs(albedo - expected(use)[..., :3] * (0.5, 0.25, 1.0)).max() < 1e-4
+    blended = Material(base_color=(0.0, 0.0, 0.0, 0.8), alpha_mode=AlphaMode.BLEND, vertex_alpha=True)
+    image = shown(blended, mesh, samples=256, sky=(1.0, 1.0, 1.0), depth=1)
+    assert abs(image.beauty.mean() - (1 - 0.8 * 0.75)) < 0.01
+
+
+@pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
+@pytest.mark.parametrize("use", [USES[1], USES[2]])
+def test_mitsuba_shows_the_same(use: TextureUse) -> None:
+    """Of a pixel both show the same texel under the same vertex colour; Mitsuba wraps both ways as the first one."""
+    use = replace(use, wrap_t=use.wrap_s)
+    mesh = square()
+    mesh = replace(mesh, colors=np.tile(np.array([0.5, 0.25, 1.0, 0.75], np.float32), (len(mesh.positions), 1)))
+    whole = scene([[mesh]], [Material(base_color_texture=use)], [EYE], textures=[image_of(TEXELS)])
+    image = KitRig(whole, load_renderer("mitsuba"), 4).render("voronoi", 1, width=SIDE, height=SIDE, samples=2)
+    assert np.abs(image.layers["albedo"] - expected(use)[..., :3] * (0.5, 0.25, 1.0)).max() < 1e-4
