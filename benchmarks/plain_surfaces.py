@@ -18,8 +18,6 @@ _PLAIN = {
     MaterialColumn.TRANSMISSION: 0.0,
     MaterialColumn.IOR: 1.0,
     MaterialColumn.ALPHA_MODE: 0.0,
-    MaterialColumn.BASE_TEXTURE: -1.0,
-    MaterialColumn.METALLIC_ROUGHNESS_TEXTURE: -1.0,
     MaterialColumn.CLEARCOAT: 0.0,
     MaterialColumn.UNLIT: 0.0,
 }
