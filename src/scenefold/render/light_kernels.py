@@ -17,7 +17,7 @@ from scenefold.render.bsdf_kernels import frame_of, luminance
 from scenefold.render.dice_kernels import PAIR_LIGHT, PAIR_LIGHT_POINT, pair
 from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, rounded_down, select, whole_of_real
 from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
-from scenefold.render.space_kernels import box_span, diagonal_of_box, offset_origin
+from scenefold.render.space_kernels import box_span, longest_side, offset_origin
 
 _KIND, _POSITION, _DIRECTION, _COLOR = LightColumn.KIND, LightColumn.POSITION, LightColumn.DIRECTION, LightColumn.COLOR
 _COS_INNER, _COS_OUTER, _PROBABILITY = LightColumn.COS_INNER, LightColumn.COS_OUTER, LightColumn.PROBABILITY
@@ -169,5 +169,5 @@ def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-unt
     pdf = emitter_pdf(job, r, g, b, squared, cosine)
     found = (double_area > 1e-30) & (squared > 1e-20) & (cosine > 1e-6) & (pdf > 1e-30)
     # The end point lies a little in front of the emitter, so that the emitter does not shadow itself.
-    sx, sy, sz = offset_origin(ex, ey, ez, nx, ny, nz, diagonal_of_box(job.box_low, job.box_high))
+    sx, sy, sz = offset_origin(ex, ey, ez, nx, ny, nz, longest_side(e1x, e1y, e1z, e2x, e2y, e2z))
     return found, wx, wy, wz, sx, sy, sz, r / pdf, g / pdf, b / pdf, pdf

@@ -46,7 +46,7 @@ from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
-from scenefold.render.surface_kernels import material_at, surface_at
+from scenefold.render.surface_kernels import material_at, reach_at, surface_at
 
 STATUS_FORWARD = 0
 """Nothing hit in this cell; the ray goes on elsewhere."""
@@ -186,6 +186,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     triangle = gather(scene.group_first, (gather(hit_ids, (at, 1)),)) + gather(hit_ids, (at, 2))
     u, v = gather(hit_uv, (at, 0)), gather(hit_uv, (at, 1))
     px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = surface_at(scene, triangle, instance, u, v)
+    reach = reach_at(scene, triangle, instance)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
     base_r, base_g, base_b, metallic, alpha = material_at(scene, material, triangle, u, v, tu, tv, scratch)
@@ -262,7 +263,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     woy = -(dx * bx + dy * by + dz * bz)
     woz = -(dx * sx + dy * sy + dz * sz)
     coat = coat_probability(woz, base_r, base_g, base_b, metallic, f0, transmission)
-    fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, diagonal)
+    fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, reach)
 
     # A shadow ray towards one light sample.
     found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, dice, fx, fy, fz, gx, gy, gz)
@@ -316,7 +317,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         select(straight, b * tint_b, b * vb * weight),
     )
     if any_lane(live & straight):
-        ox, oy, oz = offset_origin(px, py, pz, -gx, -gy, -gz, diagonal)
+        ox, oy, oz = offset_origin(px, py, pz, -gx, -gy, -gz, reach)
         fx, fy, fz = select(straight, ox, fx), select(straight, oy, fy), select(straight, oz, fz)
         code_u, code_v = select(straight, ray.code_u, code_u), select(straight, ray.code_v, code_v)
     sound = r + g + b < math.inf

@@ -13,7 +13,7 @@ from numba import njit
 from scenefold.render.lane_values_kernels import select
 
 _STEPS = 65535.0
-_OFFSET_OF_DIAGONAL = 2.0**-18
+_OFFSET_OF_REACH = 2.0**-18
 _OFFSET_OF_COORDINATE = 2.0**-20
 
 
@@ -62,13 +62,19 @@ def diagonal_of_box(low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def offset_origin(px, py, pz, nx, ny, nz, diagonal):  # type: ignore[no-untyped-def]
+def longest_side(e1x, e1y, e1z, e2x, e2y, e2z):  # type: ignore[no-untyped-def]
+    """The longest of two edges of a triangle, along an axis."""
+    return max(max(max(abs(e1x), abs(e1y)), max(abs(e1z), abs(e2x))), max(abs(e2y), abs(e2z)))
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def offset_origin(px, py, pz, nx, ny, nz, reach):  # type: ignore[no-untyped-def]
     """The origin of a ray that leaves the surface point on the side into which the unit normal points.
 
-    It must lie so far off that rounding cannot bring it back: of the caster's differences, which grow with the
-    scene (its box's diagonal), and of the point itself, in the world and in an instance's space, which grow with
-    its coordinates. A fixed step, as Waechter and Binder have it (Ray Tracing Gems, 2019, chapter 6), is a wall's
-    thickness in a scene of millimetres, and nothing in one of kilometres.
+    It must lie so far off that rounding cannot bring it back: of the caster's differences between a ray and a triangle's corners, which
+    grow with the triangle (`reach`), and of the point itself, in the world and in an instance's space, which grow with its
+    coordinates. What else is in the scene, or how large that is, is no matter: a lamp far away would move every shadow. A fixed step, as
+    Waechter and Binder have it (Ray Tracing Gems, 2019, chapter 6), is a wall's thickness in a scene of millimetres, and nothing in one of kilometres.
     """
-    step = diagonal * _OFFSET_OF_DIAGONAL + max(abs(px), max(abs(py), abs(pz))) * _OFFSET_OF_COORDINATE
+    step = reach * _OFFSET_OF_REACH + max(abs(px), max(abs(py), abs(pz))) * _OFFSET_OF_COORDINATE
     return px + nx * step, py + ny * step, pz + nz * step

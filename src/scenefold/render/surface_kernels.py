@@ -11,6 +11,7 @@ from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import ALPHA_MIN
 from scenefold.render.lane_values_kernels import alike, any_lane, gather, put, select, take
 from scenefold.render.lanes_kernels import LANES
+from scenefold.render.space_kernels import longest_side
 from scenefold.render.texture_kernels import sample_use
 
 _BASE, _METALLIC, _ROUGHNESS = MaterialColumn.BASE, MaterialColumn.METALLIC, MaterialColumn.ROUGHNESS
@@ -68,6 +69,27 @@ def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     scale = 1.0 / math.sqrt(select(smooth, squared, 1.0))
     sx, sy, sz = select(smooth, sx * scale, gx), select(smooth, sy * scale, gy), select(smooth, sz * scale, gz)
     return px, py, pz, gx, gy, gz, sx, sy, sz, _blend(w, u, v, t, i0, i1, i2, 0), _blend(w, u, v, t, i0, i1, i2, 1)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def reach_at(scene, triangle, instance):  # type: ignore[no-untyped-def]
+    """How far a hit's triangle reaches, in the world: along an axis, its longest edge. Within an instance also how far its corners lie
+    from where that is placed, since the caster carries rays there."""
+    i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
+    p = scene.vertices
+    x0, y0, z0 = gather(p, (i0, 0)), gather(p, (i0, 1)), gather(p, (i0, 2))
+    x1, y1, z1 = gather(p, (i1, 0)), gather(p, (i1, 1)), gather(p, (i1, 2))
+    x2, y2, z2 = gather(p, (i2, 0)), gather(p, (i2, 1)), gather(p, (i2, 2))
+    reach = longest_side(x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0)
+    placed = instance != np.uint32(0)
+    if any_lane(placed):
+        m, far = scene.instance_matrices, max(reach, max(abs(x0), max(abs(y0), abs(z0))))
+        grown = alike(0.0, reach)
+        for axis in range(3):
+            row = abs(gather(m, (instance, axis, 0))) + abs(gather(m, (instance, axis, 1))) + abs(gather(m, (instance, axis, 2)))
+            grown = max(grown, row)
+        reach = select(placed, far * grown, reach)
+    return reach
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)

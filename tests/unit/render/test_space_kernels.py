@@ -77,16 +77,16 @@ def test_strange_spans_end_at_once() -> None:
         assert probe.next_step(t, start, end, 7)[0] == 65_535
 
 
-def test_offsets_move_away_from_the_surface_at_any_size_of_scene() -> None:
+def test_offsets_move_away_from_the_surface_at_any_size_of_surface() -> None:
     normals = RANDOM.normal(size=(20_000, 3))
     normals[:3] = np.eye(3)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    for diagonal in (1e-6, 1e-2, 1.0, 1e5):
+    for size in (1e-6, 1e-2, 1.0, 1e5):
         for far in (0.0, 1.0, 1e3):
-            points = RANDOM.uniform(-1, 1, normals.shape) * diagonal * max(far, 0.5)
+            points = RANDOM.uniform(-1, 1, normals.shape) * size * max(far, 0.5)
             points[::7, 1] = 0.0
-            moved = probe.offsets(points, normals, diagonal).astype(np.float64)
+            moved = probe.offsets(points, normals, size).astype(np.float64)
             along = ((moved - points) * normals).sum(axis=1)
             reach = np.abs(points).max(axis=1)
-            assert (along > 0.5 * (diagonal * 2.0**-18 + reach * 2.0**-20)).all(), "beyond all rounding"
-            assert (along < 2.0 * (diagonal * 2.0**-18 + reach * 2.0**-20)).all(), "and no further"
+            assert (along > 0.5 * (size * 2.0**-18 + reach * 2.0**-20)).all(), "beyond all rounding"
+            assert (along < 2.0 * (size * 2.0**-18 + reach * 2.0**-20)).all(), "and no further"
