@@ -84,21 +84,43 @@ def _pascal(x):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _unit(word):  # type: ignore[no-untyped-def]
+def unit_of(word):  # type: ignore[no-untyped-def]
     """[0, 1) of the 24 upper bits."""
     return real_of_whole(word >> np.uint32(8)) * _TO_UNIT
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def pair(job, dice, number):  # type: ignore[no-untyped-def]
-    """Two numbers in [0, 1), multiples of 2^-24, for one of the PAIR_ dimensions."""
+def pair_of_words(job, dice, number):  # type: ignore[no-untyped-def]
+    """Two numbers of 32 bits for one of the PAIR_ dimensions."""
     seed = _seed_of(dice, number)
     if job.sampler == SAMPLER_INDEPENDENT:
         first = hash32(seed ^ (dice.sample * _GOLDEN + _SECOND))
-        return _unit(first), _unit(hash32(first ^ _SECOND))
+        return first, hash32(first ^ _SECOND)
     index = reversed_bits(_scrambled(reversed_bits(dice.sample), seed))
     first, second = hash32(seed ^ _GOLDEN), hash32(seed ^ _SECOND)
-    return _unit(reversed_bits(_scrambled(index, first))), _unit(reversed_bits(_scrambled(_pascal(index), second)))
+    return reversed_bits(_scrambled(index, first)), reversed_bits(_scrambled(_pascal(index), second))
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def pair(job, dice, number):  # type: ignore[no-untyped-def]
+    """The same as numbers in [0, 1), multiples of 2^-24."""
+    first, second = pair_of_words(job, dice, number)
+    return unit_of(first), unit_of(second)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def column_of(word, count):  # type: ignore[no-untyped-def]
+    """One of `count` columns by a word, floor(word * count / 2^32), and how far into it, in [0, 1).
+
+    In whole numbers: of a million columns a number of 24 bits would leave out some, and hit others a third too often.
+    """
+    few = np.uint32(0xFFFF)
+    all_of = np.uint32(count)
+    low, high, count_low, count_high = word & few, word >> np.uint32(16), all_of & few, all_of >> np.uint32(16)
+    across, back = high * count_low, low * count_high
+    carried = ((low * count_low) >> np.uint32(16)) + (across & few) + (back & few)
+    column = high * count_high + (across >> np.uint32(16)) + (back >> np.uint32(16)) + (carried >> np.uint32(16))
+    return column, unit_of(word * all_of)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)

@@ -14,8 +14,8 @@ from numba import njit
 
 from scenefold.render.arrays import LightColumn
 from scenefold.render.bsdf_kernels import frame_of, luminance
-from scenefold.render.dice_kernels import PAIR_LIGHT, PAIR_LIGHT_POINT, pair
-from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, rounded_down, select, whole_of_real
+from scenefold.render.dice_kernels import PAIR_LIGHT, PAIR_LIGHT_POINT, column_of, pair, pair_of_words, unit_of
+from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, select
 from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
 from scenefold.render.space_kernels import box_span, longest_side, offset_origin
 
@@ -73,7 +73,8 @@ def sample_light(scene, job, dice, px, py, pz, nx, ny, nz):  # type: ignore[no-u
     radiance divided by the sample's probability, and the density per steradian for multiple importance
     sampling (0 for lights that no other technique can find). Where nothing was found the rest means nothing.
     """
-    choice, alias = pair(job, dice, PAIR_LIGHT)
+    choice, alias = pair_of_words(job, dice, PAIR_LIGHT)
+    choice = unit_of(choice)
     u, v = pair(job, dice, PAIR_LIGHT_POINT)
     zero = alike(0.0, px)
     sample = (alike(False, px), zero, zero, zero, zero, zero, zero, zero, zero, zero, zero)
@@ -140,11 +141,8 @@ def _sample_punctual(scene, job, choice, px, py, pz):  # type: ignore[no-untyped
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-untyped-def]
-    count = scene.emitter_threshold.shape[0]
-    scaled = alias * count
-    column = min(rounded_down(scaled), count - 1.0)
-    index = whole_of_real(column)
-    kept = scaled - column < gather(scene.emitter_threshold, (index,))
+    index, rest = column_of(alias, scene.emitter_threshold.shape[0])
+    kept = rest < gather(scene.emitter_threshold, (index,))
     index = select(kept, index, gather(scene.emitter_alias, (index,)))
     corners = scene.emitter_vertices
     root = math.sqrt(u)

@@ -19,6 +19,8 @@ from scenefold.scene.tables import SceneTables
 
 _BOX_MARGIN = 1e-4
 """Of the box's diagonal: shadow rays that end at a far face pass everything before it."""
+_CHOSEN_EVENLY = 0.5
+"""Share of the choices among punctual lights that does not look at their power."""
 _SAMPLERS = {"sobol": SAMPLER_SOBOL, "independent": SAMPLER_INDEPENDENT}
 _KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
 
@@ -54,7 +56,10 @@ def diagonal_of(low: F64, high: F64) -> float:
 
 
 def punctual_rows(tables: SceneTables) -> F64:
-    """`SceneArrays.punctual_lights`: chosen by the power that they can send into the job's box."""
+    """`SceneArrays.punctual_lights`: half of them chosen evenly, half by the power that they can send into the job's box.
+
+    By power alone the only lamp of a room would be asked once in a million times where the sun shines on a large ground outside.
+    """
     low, high = job_box(tables)
     radius = 0.5 * diagonal_of(low, high)
     lights = [light for light in tables.punctual if max(light.color) > 0.0]
@@ -71,7 +76,7 @@ def punctual_rows(tables: SceneTables) -> F64:
         powers.append(float(luminance(*light.color)) * (radius * radius if directional else 4.0))
     total = sum(powers)
     for row, power in zip(rows, powers, strict=True):
-        row[LightColumn.PROBABILITY] = power / total
+        row[LightColumn.PROBABILITY] = _CHOSEN_EVENLY / len(rows) + (1.0 - _CHOSEN_EVENLY) * (power / total)
     return rows
 
 

@@ -24,6 +24,7 @@ from scenefold.render import (
     see_through_kernels,
     space_kernels,
 )
+from scenefold.render.dice_kernels import column_of as _column
 from scenefold.render.light_kernels import sample_light as _light
 from scenefold.render.record_kernels import read_rays as _read_rays
 from scenefold.render.record_kernels import write_rays as _write_rays
@@ -163,6 +164,16 @@ def to_pdf_code(a, b, c, d, w, v):
 
 
 @njit(error_model="numpy")
+def columns(a, b, c, d, w, v):
+    """Of 1,000,000 columns, of 70,001 and of 3 the one by w, and how far into it."""
+    many, into_many = _column(w, 1_000_000)
+    some, into_some = _column(w, 70_001)
+    few, into_few = _column(w, 3)
+    into_many, into_some, into_few = _bits_of(into_many), _bits_of(into_some), _bits_of(into_few)
+    return many, into_many, some, into_some, few, into_few, few, into_few
+
+
+@njit(error_model="numpy")
 def from_pdf_code(a, b, c, d, w, v):
     """The density of w."""
     pdf = _pdf(w)
@@ -216,7 +227,7 @@ def _in_lanes(function: Any) -> Callable[[F32, U32], U32]:
 
 FUNCTIONS = (
     operators, words, elementary, to_direction_code, from_direction_code, to_color_code, from_color_code, to_pdf_code,
-    from_pdf_code, surfaces, spaces,
+    from_pdf_code, surfaces, spaces, columns,
 )  # fmt: skip
 PROBES = {function.__name__: _in_lanes(function) for function in FUNCTIONS}
 

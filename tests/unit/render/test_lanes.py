@@ -57,6 +57,16 @@ def test_lanes_are_what_double_precision_has_rounded(name: str) -> None:
     assert close.mean(axis=1).min() > 0.99, "in every column"
 
 
+def test_columns_are_those_of_long_numbers() -> None:
+    words = np.random.default_rng(14).integers(0, 2**32, COUNT, np.uint32)
+    words[:6] = (0, 1, 0xFFFF, 0x10000, 0xFFFFFFFF, 0xFFFF0000)
+    found = probe.probed("columns", word_columns=(words,))
+    for row, count in ((0, 1_000_000), (2, 70_001), (4, 3)):
+        products = words.astype(np.uint64) * np.uint64(count)
+        assert (found[row] == products >> np.uint64(32)).all()
+        assert (probe.reals_of(found[row + 1]) == ((products & np.uint64(0xFFFFFFFF)) >> np.uint64(8)) / 2**24).all()
+
+
 def test_words_are_those_of_mathematics() -> None:
     reals, (w, v) = inputs()
     product, turned, chosen, reversed_, real, whole, _, larger = probe.PROBES["words"](reals, np.array([w, v]))

@@ -7,7 +7,7 @@
                                         f32 probability, f32 threshold, u32 alias, u32 two-sided
 
 The importer builds it once: built by every node on its own, tables would differ in bits. To draw a row, take
-column i = floor(u n) and keep it if the rest of u is below threshold[i], else take alias[i]. The chance of
+column i = floor(u n) and keep it if the rest of u is below threshold[i], else take alias[i] (in whole numbers: dice_kernels.column_of). The chance of
 row i is luminance x area over the sum of that: `probability[i]`, in f32, as the estimator must weigh with it.
 """
 
