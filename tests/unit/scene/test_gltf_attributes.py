@@ -207,3 +207,15 @@ def test_arrays_hold_rare_attributes_only_where_something_has_them(tmp_path: Pat
 
 def test_the_default_material_shines_on_nobody() -> None:
     assert not Material().shines and not Material().textured
+
+
+def test_copies_that_have_no_volume_once_they_are_rounded_are_baked(maker: Maker, tmp_path: Path) -> None:
+    """A shear by 1 + 1e-8 is one by 1 in f32, which has no inverse."""
+    mesh = maker.mesh(np.tile(TRIANGLE, (1_001, 1)))
+    shear = np.eye(4)
+    shear[:2, :2] = [[1, 1 + 1e-8], [1, 1]]
+    for matrix in (np.eye(4), np.eye(4), shear):
+        maker.node(mesh=mesh, matrix=matrix.T.ravel().tolist())
+    plan = plan_import(read_scene(maker.write(tmp_path)))
+    list(plan.items())
+    assert plan.document().counts["instances"] == 3

@@ -116,6 +116,7 @@ def test_the_content_hash_tells_cuts_apart() -> None:
 def sample_pages() -> list[tuple[str, bytes]]:
     groups, atoms = group_tables([2, 3])
     instances, lights = np.zeros(3, INSTANCE_ROW), np.zeros(2, LIGHT_ROW)
+    instances["matrix"] = np.eye(4)[:3]
     lights["probability"] = 0.5
     return [
         ("groups", encode_groups(0, groups, atoms)),
@@ -153,6 +154,17 @@ def test_changed_or_cut_payloads_decode_or_are_damaged_data(name: str, payload: 
                 continue
     with pytest.raises(DamagedData):
         DECODERS[name](payload + b"\0")
+
+
+@pytest.mark.parametrize("entry", [np.zeros(3), np.array([0.0, 1.0, 1e-13])])
+def test_an_instance_that_no_ray_can_be_carried_into_is_damaged_data(entry: np.ndarray) -> None:  # type: ignore[type-arg]
+    rows = np.zeros(2, INSTANCE_ROW)
+    rows["matrix"] = np.eye(4)[:3] * 1e-6
+    assert len(decode_instances(encode_instances(0, rows))) == 2
+    rows["matrix"][1, 0, :3] = entry
+    rows["matrix"][1, 1, :3] = [0.0, 1.0, 0.0]
+    with pytest.raises(DamagedData, match="without an inverse"):
+        decode_instances(encode_instances(0, rows))
 
 
 def test_pages_fit_a_record() -> None:

@@ -12,7 +12,7 @@ from scenefold.scene.importers.gltf_accessors import Accessors
 from scenefold.scene.importers.gltf_animations import Pose
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
-from scenefold.scene.importers.matrices import Matrix, from_parts, product, rigid
+from scenefold.scene.importers.matrices import Matrix, from_many_parts, from_parts, product, rigid
 from scenefold.scene.importers.source import NotCarried
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.payloads.punctual import LightKind, PunctualLight
@@ -145,11 +145,10 @@ class NodeWalk:
         turned = (turns**2).sum(axis=1)
         if not (all(np.isfinite(part).all() for part in (places, turns, scales)) and (turned > 1e-6).all()):
             raise instancing.fault("has an instance whose transform is none")
-        rows = zip(places.tolist(), turns.tolist(), scales.tolist(), strict=True)
-        copies = [product(world, from_parts(tuple(place), tuple(turn), tuple(scale))) for place, turn, scale in rows]
-        if not all((np.abs(copy) <= COORDINATE_ABS_MAX).all() for copy in copies):
+        copies = product(world, from_many_parts(places, turns, scales))
+        if not (np.abs(copies) <= COORDINATE_ABS_MAX).all():
             raise instancing.fault("has a transform that is beyond measure")
-        return copies
+        return list(copies)
 
     def _unused(self, name: str) -> str:
         """The name, or with a number behind it where it is taken already."""

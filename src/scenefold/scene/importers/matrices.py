@@ -9,22 +9,35 @@ Matrix = NDArray[np.float64]
 
 
 def product(left: Matrix, right: Matrix) -> Matrix:
-    """The product of two f64[4, 4]."""
-    total: Matrix = left[:, 0, None] * right[0]
+    """The product of two f64[4, 4], or of one and many f64[n, 4, 4]."""
+    total: Matrix = left[:, 0, None] * right[..., None, 0, :]
     for k in (1, 2, 3):
-        total = total + left[:, k, None] * right[k]
+        total = total + left[:, k, None] * right[..., None, k, :]
     return total
 
 
 def from_parts(translation: tuple[float, ...], quaternion: tuple[float, ...], scale: tuple[float, ...]) -> Matrix:
-    """Translation · rotation · scale; the quaternion (x, y, z, w) must not be 0, and is normalised."""
-    x, y, z, w = np.array(quaternion) / np.sqrt(sum(value * value for value in quaternion))
-    matrix = np.eye(4)
-    matrix[:3, 0] = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]) * scale[0]
-    matrix[:3, 1] = np.array([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)]) * scale[1]
-    matrix[:3, 2] = np.array([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)]) * scale[2]
-    matrix[:3, 3] = translation
+    """Translation · rotation · scale, f64[4, 4]; the quaternion (x, y, z, w) must not be 0, and is normalised."""
+    matrix: Matrix = from_many_parts(np.array([translation]), np.array([quaternion]), np.array([scale]))[0]
     return matrix
+
+
+def from_many_parts(translations: Matrix, quaternions: Matrix, scales: Matrix) -> Matrix:
+    """f64[n, 4, 4] of f64[n, 3], f64[n, 4] and f64[n, 3]; see `from_parts`."""
+    x, y, z, w = quaternions.T
+    x, y, z, w = (quaternions / np.sqrt(x * x + y * y + z * z + w * w)[:, None]).T
+    result = np.zeros((len(quaternions), 4, 4))
+    columns = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
+        (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
+        (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)),
+    )
+    for column, rows in enumerate(columns):
+        for row, turned in enumerate(rows):
+            result[:, row, column] = turned * scales[:, column]
+    result[:, :3, 3] = translations
+    result[:, 3, 3] = 1.0
+    return result
 
 
 def cofactors(matrix: Matrix) -> Matrix:

@@ -88,6 +88,9 @@ def decide(source: SourceScene) -> Prototypes:
 
 
 def _are_flat(matrices: Matrix) -> NDArray[np.bool_]:
+    # As they are stored: what rounds to no volume has none.
+    with np.errstate(over="ignore"):
+        matrices = matrices.astype(np.float32).astype(np.float64)
     sizes = np.sqrt((matrices[:, :3, :3] ** 2).sum(axis=(1, 2)))
     flat: NDArray[np.bool_] = np.abs(determinants(matrices)) <= _FLAT * sizes**3
     return flat

@@ -5,7 +5,7 @@
     6   u16  instances
 
 Instance 0 is prototype 0 under the identity: everything that the importer baked into world space. A matrix
-may mirror; normals go through its inverse transpose, which keeps outside outside.
+has an inverse, and may mirror; normals go through its inverse transpose, which keeps outside outside.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from scenefold.scene.payloads.binary import PayloadReader, finish, head
 
 KIND, VERSION = b"sfit", 1
 INSTANCE_ROW = np.dtype([("prototype", "<u4"), ("matrix", "<f4", (3, 4))])
+_FLAT = 1e-12
+"""Of the cube of a matrix's size: a thousandth of what an import lets pass, as no ray can be carried through less."""
 INSTANCES_OF_A_PAGE = (PAYLOAD_BYTES_MAX - 12) // INSTANCE_ROW.itemsize
 
 
@@ -52,6 +54,10 @@ def decode_instances(payload: bytes) -> InstanceTable:
     reader.require(count > 0, "holds no instance")
     matrices = rows["matrix"]
     reader.require(bool(np.isfinite(matrices).all()), "has a matrix that is not finite")
+    linear = matrices[:, :, :3].astype(np.float64)
+    volumes = np.abs((linear[:, 0] * np.cross(linear[:, 1], linear[:, 2])).sum(axis=1))
+    sizes = np.sqrt((linear**2).sum(axis=(1, 2)))
+    reader.require(bool((volumes > _FLAT * sizes**3).all()), "has a matrix without an inverse")
     return InstanceTable(first, rows["prototype"], matrices)
 
 

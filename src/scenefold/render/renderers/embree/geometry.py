@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenefold.render.arrays import F32
+from scenefold.render.arrays import F32, F64
 from scenefold.render.contract import HeldScene
 from scenefold.render.renderers.embree.library import Device
+from scenefold.render.renderers.embree.margins import widened_boxes
 from scenefold.render.see_through_kernels import is_see_through
 
-_ROUNDING = 2.0**-19
-"""Sixteen units of the last place of f32: more than carrying a box into the world can lose."""
 _MARGIN_TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]], np.uint32)
 
 
@@ -26,7 +25,6 @@ class HeldGeometry:
     """Embree's trees over the held groups. `close()` frees them; the arrays must live as long as this."""
 
     def __init__(self, scene: HeldScene) -> None:
-        self._scene = scene
         arrays = scene.arrays
         self._device = Device()
         self._top = self._device.new_scene()
@@ -44,8 +42,9 @@ class HeldGeometry:
                 target, held.group, arrays.vertices, arrays.triangles[first : first + held.triangles], int(see_through)
             )
         self._margins: list[F32] = []
+        boxes = widened_boxes(scene)
         for prototype, target in self._prototypes.items():
-            self._widen(prototype, target)
+            self._widen(target, *boxes[prototype])
             self._device.commit(target)
         for instance, prototype in scene.instances:
             if prototype in self._prototypes:
@@ -63,24 +62,9 @@ class HeldGeometry:
         """Free all trees."""
         self._device.release(self._top, *self._prototypes.values())
 
-    def _widen(self, prototype: int, target: int) -> None:
-        arrays, first = self._scene.arrays, self._scene.arrays.group_first
-        rows = [
-            arrays.triangles[first[held.group] : first[held.group] + held.triangles]
-            for held in self._scene.groups
-            if held.prototype == prototype
-        ]
-        corners = arrays.vertices[np.concatenate(rows).ravel()].astype(np.float64)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        reach, room = np.maximum(np.abs(low), np.abs(high)), 0.0
-        for instance, other in self._scene.instances:
-            if other == prototype:
-                matrix = arrays.instance_matrices[instance]
-                rounding = _ROUNDING * float((np.abs(matrix[:, :3]) @ reach + np.abs(matrix[:, 3])).max())
-                room = max(room, rounding * float(np.abs(np.linalg.inv(matrix[:, :3])).sum(axis=1).max()))
-        room += _ROUNDING * float(reach.max())
+    def _widen(self, target: int, low: F64, high: F64) -> None:
         margin = np.zeros((7, 3), np.float32)  # one row more than is used: Embree loads four floats at once
-        margin[:3], margin[3:6] = low - room, high + room
+        margin[:3], margin[3:6] = low, high
         self._margins.append(margin)
         self._device.add_triangles(target, self.first_instance_id, margin[:6], _MARGIN_TRIANGLES)
 
