@@ -276,3 +276,16 @@ def test_morphs_that_are_none_are_refused(film: Film, tmp_path: Path, what: str)
     film.node(mesh=mesh, weights=[1, 1, 1] if what == "weights" else [9, 1])
     with pytest.raises(LocalFault):
         read_scene(film.write(tmp_path))
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_no_number_at_all_is_found_without_a_warning(film: Film, tmp_path: Path) -> None:
+    """A NaN that signals speaks up when it is made wider."""
+    signalling = np.full((3, 4), 0x7F800001, "<u4").view("<f4")
+    joint = film.node()
+    film.node(mesh=skin_mesh(film, [[0, 0, 0, 0]] * 3, signalling), skin=film.bent([joint]))
+    film.moves(joint, "translation", [0], signalling[:1, :3])
+    path = film.write(tmp_path)
+    assert "joint weights that were none, taken for 0 (12)" in read_scene(path).not_carried
+    with pytest.raises(LocalFault, match="not finite"):
+        read_scene(path, Moment(0.0))

@@ -94,10 +94,10 @@ class Target:
 
 def morphed(part: MeshPart, targets: Sequence[Target]) -> MeshPart:
     """The part with its targets added, in their order. What overflows is for the caller to find."""
-    positions = part.positions.astype(np.float64)
-    normals = None if part.normals is None else part.normals.astype(np.float64)
-    tangents = None if part.tangents is None else part.tangents.astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
+        positions = part.positions.astype(np.float64)
+        normals = None if part.normals is None else part.normals.astype(np.float64)
+        tangents = None if part.tangents is None else part.tangents.astype(np.float64)
         for target in targets:
             if target.positions is not None:
                 positions += target.weight * target.positions.astype(np.float64)

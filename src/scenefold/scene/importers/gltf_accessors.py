@@ -42,6 +42,10 @@ class Accessors:
             np.maximum(values, np.float32(-1), out=values)
         return values
 
+    def doubles(self, number: int, kind: str) -> NDArray[np.float64]:
+        """f64[n, width], as `floats`."""
+        return _widened(self.floats(number, kind))
+
     def shares(self, number: int, kinds: tuple[str, ...]) -> NDArray[np.float32]:
         """f32[n, width] of one of these types: whole numbers are shares of the largest there is, marked so or not."""
         entry = self._entries[number]
@@ -113,3 +117,9 @@ class Accessors:
         result = base.copy()
         result[where] = self._elements(entry, values, changed, width, base.dtype)
         return result
+
+
+def _widened(values: NDArray[np.float32]) -> NDArray[np.float64]:
+    # A signalling NaN, which a file may hold, becomes a quiet one with a warning; who reads it looks for NaN anyway.
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.float64)

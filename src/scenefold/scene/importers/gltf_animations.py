@@ -100,4 +100,4 @@ def _floats(sampler: JsonMap, accessors: Accessors, key: str, kind: str) -> NDAr
     where = sampler.index(key, len(accessors), "accessor")
     if where < 0:
         raise sampler.fault("is missing", key)
-    return accessors.floats(where, kind).astype(np.float64)
+    return accessors.doubles(where, kind)

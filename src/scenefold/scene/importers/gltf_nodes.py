@@ -134,7 +134,7 @@ class NodeWalk:
             if accessor >= 0:
                 if self._accessors.count(accessor) > INSTANCES_MAX:
                     raise instancing.fault(f"has more than {INSTANCES_MAX} instances")
-                columns[key] = self._accessors.floats(accessor, kind).astype(np.float64)
+                columns[key] = self._accessors.doubles(accessor, kind)
         counts = {len(column) for column in columns.values()}
         if len(counts) != 1:
             raise instancing.fault("has attributes of different counts, or none")

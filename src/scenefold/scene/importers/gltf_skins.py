@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.matrices import Matrix, product
 from scenefold.scene.importers.source import NotCarried
 
+Kind = TypeVar("Kind", bound=np.generic)
 _SETS_MAX = 8
 """Of four joints each."""
 
@@ -48,7 +50,7 @@ class GltfSkins:
             if self._accessors.count(where) < len(joints):
                 raise skin.fault("has fewer matrices than joints", "inverseBindMatrices")
             # Stored column by column.
-            inverse = self._accessors.floats(where, "MAT4").astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+            inverse = self._accessors.doubles(where, "MAT4").reshape(-1, 4, 4).transpose(0, 2, 1)
             if not (np.abs(inverse[: len(joints)]) <= COORDINATE_ABS_MAX).all():
                 raise skin.fault("has a matrix that is not finite or beyond measure", "inverseBindMatrices")
             for number, world in enumerate(result):
@@ -57,19 +59,22 @@ class GltfSkins:
 
     def influences(self, attributes: JsonMap, used: NDArray[np.bool_], joints: int) -> Influences:
         """Of the `used` (bool[nv]) vertices of a primitive, under a skin of so many joints."""
-        numbers, weights = [], []
+        numbers: list[NDArray[np.generic]] = []
+        weights: list[NDArray[np.float32]] = []
         for place in range(_SETS_MAX):
             if not (attributes.has(f"JOINTS_{place}") and attributes.has(f"WEIGHTS_{place}")):
                 break
-            numbers.append(self._held(attributes, f"JOINTS_{place}", used, whole=True))
-            weights.append(self._held(attributes, f"WEIGHTS_{place}", used, whole=False))
+            joint, weight = (attributes.index(f"{name}_{place}", len(self._accessors), "accessor") for name in ("JOINTS", "WEIGHTS"))
+            numbers.append(_of_used(attributes, f"JOINTS_{place}", self._accessors.numbers(joint, "VEC4"), used))
+            weights.append(_of_used(attributes, f"WEIGHTS_{place}", self._accessors.shares(weight, ("VEC4",)), used))
         if not numbers:
             self._left.note("skinned primitives without joints, which follow their node")
             return Influences(np.zeros((int(used.sum()), 1), np.int64), np.zeros((int(used.sum()), 1)))
-        which, firm = np.concatenate(numbers, axis=1).astype(np.int64), np.concatenate(weights, axis=1).astype(np.float64)
-        good = (firm >= 0.0) & (firm <= COORDINATE_ABS_MAX)
+        which = np.concatenate(numbers, axis=1).astype(np.int64)
+        given = np.concatenate(weights, axis=1)
+        good = (given >= 0.0) & (given <= COORDINATE_ABS_MAX)
         self._left.note("joint weights that were none, taken for 0", int((~good).sum()))
-        firm = np.where(good, firm, 0.0)
+        firm = np.where(good, given, np.float32(0)).astype(np.float64)
         # What does not count may name any joint.
         which[firm == 0.0] = 0
         if which.size and int(which.max()) >= joints:
@@ -78,10 +83,8 @@ class GltfSkins:
         self._left.note("vertices that no joint holds, which follow their node", int((totals == 0.0).sum()))
         return Influences(which, firm / np.where(totals == 0.0, 1.0, totals))
 
-    def _held(self, attributes: JsonMap, name: str, used: NDArray[np.bool_], *, whole: bool) -> NDArray[np.generic]:
-        where = attributes.index(name, len(self._accessors), "accessor")
-        values: NDArray[np.generic]
-        values = self._accessors.numbers(where, "VEC4") if whole else self._accessors.shares(where, ("VEC4",))
-        if len(values) != len(used):
-            raise attributes.fault(f"has {len(values)} elements, but there are {len(used)} positions", name)
-        return values[used]
+
+def _of_used(attributes: JsonMap, name: str, values: NDArray[Kind], used: NDArray[np.bool_]) -> NDArray[Kind]:
+    if len(values) != len(used):
+        raise attributes.fault(f"has {len(values)} elements, but there are {len(used)} positions", name)
+    return values[used]
