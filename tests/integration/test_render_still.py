@@ -26,7 +26,7 @@ KERNELS_S = 240.0
 SIZE = (48, 27)
 OPTIONS = StillOptions(width=SIZE[0], height=SIZE[1], samples=4, seed=1)
 REPORT = {
-    *("scene", "file", "nodes", "records_per_node", "import", "passes", "paths", "paths_per_second", "rays", "rays_per_second"),
+    *("scene", "file", "time", "nodes", "records_per_node", "import", "passes", "paths", "paths_per_second", "rays", "rays_per_second"),
     *("rays_passed", "rays_passed_per_path", "bytes_passed", "efficiency", "image_sha256", "exr", "png", "seconds", "left_out"),
 }
 ROOM = "v 0 0 0\nv 4 0 0\nv 4 0 4\nv 0 0 4\nv 0 3 0\nv 4 3 0\nf 1 2 3 4\nf 1 2 6 5\n"
