@@ -289,3 +289,32 @@ def test_what_is_no_number_at_all_is_found_without_a_warning(film: Film, tmp_pat
     assert "joint weights that were none, taken for 0 (12)" in read_scene(path).not_carried
     with pytest.raises(LocalFault, match="not finite"):
         read_scene(path, Moment(0.0))
+
+
+def test_files_that_share_their_data_thousands_of_times_are_refused(film: Film, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenefold.scene.importers.gltf_skins._JOINTS_MAX", 3)
+    monkeypatch.setattr("scenefold.scene.importers.gltf_animations._VALUES_MAX", 20)
+    monkeypatch.setattr("scenefold.scene.importers.gltf_meshes._SHAPED_TRIANGLES_MAX", 2)
+    monkeypatch.setattr("scenefold.scene.importers.gltf_shapes._MORPHED_MAX", 11)
+    joints = [film.node(), film.node()]
+    film.moves(joints[0], "translation", [0, 1], [[0, 0, 0]] * 2)
+    mesh, skins = skin_mesh(film, [[0, 0, 0, 0]] * 3, [[1, 0, 0, 0]] * 3), [film.bent(joints), film.bent(joints)]
+    film.node(mesh=mesh, skin=skins[0])
+    path = film.write(tmp_path)
+    read_scene(path, Moment(0.0))
+    film.moves(joints[1], "translation", [0, 1], [[0, 0, 0]] * 2)
+    with pytest.raises(LocalFault, match="numbers in keyframes"):
+        read_scene(film.write(tmp_path), Moment(0.0))
+    for _ in range(2):
+        film.node(mesh=mesh, skin=skins[0])
+    with pytest.raises(LocalFault, match="poses of their own"):
+        read_scene(film.write(tmp_path))
+    film.node(mesh=mesh, skin=skins[1])
+    with pytest.raises(LocalFault, match="joints"):
+        read_scene(film.write(tmp_path))
+    morphs = Film()
+    morph = morph_mesh(morphs)
+    for weights in ([1, 1], [1, 2]):
+        morphs.node(mesh=morph, weights=weights)
+    with pytest.raises(LocalFault, match="morphed vertices"):
+        read_scene(morphs.write(tmp_path))

@@ -16,6 +16,8 @@ from scenefold.scene.importers.moments import Moment
 from scenefold.scene.importers.source import NotCarried
 
 _KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
+_VALUES_MAX = 100_000_000
+"""Numbers in all tracks that are read: channels may share an accessor thousands of times."""
 _NAME_LETTERS_MAX = 40
 _NAMES_SHOWN = 8
 
@@ -37,7 +39,7 @@ def read_pose(file: GltfFile, accessors: Accessors, left: NotCarried, moment: Mo
     All animations play together, or the one that the moment names. Of two channels for one value the first in the file counts.
     """
     animations = file.json.maps("animations")
-    pose = Pose()
+    pose, read = Pose(), 0
     if moment.time_s is None:
         left.note("animations, shown at rest", len(animations))
         return pose
@@ -55,7 +57,11 @@ def read_pose(file: GltfFile, accessors: Accessors, left: NotCarried, moment: Mo
                 which = channel.index("sampler", len(samplers), "sampler")
                 if which < 0:
                     raise channel.fault("is missing", "sampler")
-                pose.moved[node, path] = _track(samplers[which], accessors, path).at(moment.time_s)
+                track = _track(samplers[which], accessors, path)
+                read += track.values.size
+                if read > _VALUES_MAX:
+                    raise channel.fault(f"brings the file to more than {_VALUES_MAX} numbers in keyframes")
+                pose.moved[node, path] = track.at(moment.time_s)
     return pose
 
 

@@ -17,6 +17,8 @@ from scenefold.scene.importers.matrices import Matrix, product
 from scenefold.scene.importers.source import NotCarried
 
 Kind = TypeVar("Kind", bound=np.generic)
+_JOINTS_MAX = 1_000_000
+"""In all skins that a file's nodes wear: 128 MB of matrices."""
 _SETS_MAX = 8
 """Of four joints each."""
 
@@ -30,6 +32,7 @@ class GltfSkins:
         self._accessors = accessors
         self._worlds = worlds
         self._left = left
+        self._joints_read = 0
         self._joints: dict[int, NDArray[np.float64] | None] = {}
 
     def joints(self, skin: int) -> NDArray[np.float64] | None:
@@ -42,6 +45,9 @@ class GltfSkins:
         joints = skin.indices("joints", self._nodes, "node")
         if not joints:
             raise skin.fault("has no joints")
+        self._joints_read += len(joints)
+        if self._joints_read > _JOINTS_MAX:
+            raise skin.fault(f"brings the file to more than {_JOINTS_MAX} joints", "joints")
         if not all(joint in self._worlds for joint in joints):
             return None
         result = np.array([self._worlds[joint] for joint in joints])
