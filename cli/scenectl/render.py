@@ -38,6 +38,8 @@ def still(
     seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
     depth: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     sky: ColourOption | None = None,
+    environment: Path | None = None,
+    environment_rotation: Annotated[float, Parameter(validator=Number(gte=-360, lte=360))] = 0.0,
     camera: str | None = None,
     aperture: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
     focus: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
@@ -94,6 +96,10 @@ def still(
         Most segments of a path, the camera ray being the first; by default 8, or as the scene says.
     sky
         Colour of a uniform sky as R,G,B, linear; without it, and unless the scene says one, only the scene's own lights shine.
+    environment
+        Radiance .hdr or OpenEXR file of what lies infinitely far around the file that is given, to light it by; a --sky takes its place.
+    environment_rotation
+        Degrees by which the scene's environment map is turned about the vertical axis, counter-clockwise seen from above.
     camera
         Name of the camera; by default the one that the scene says, or its default one.
     aperture
@@ -139,6 +145,9 @@ def still(
 
     if file is None and (scene is None or output.profile is None):
         raise UsageFault("nothing to render", where="scenectl render still", remedy="name a scene file, or --scene and --profile")
+    if environment is not None and file is None:
+        what = "an environment map is imported together with a scene file"
+        raise UsageFault(what, where="--environment", remedy="name the file, or import both: scenectl scene import --environment")
     of_a_cluster = {
         "--nodes": (nodes, "SCENEFOLD_NODES"),
         "--threads": (threads, "SCENEFOLD_THREADS"),
@@ -165,6 +174,7 @@ def still(
         exposure=exposure,
         aperture=aperture,
         focus=focus,
+        environment_rotation=environment_rotation,
         sampling=Sampling(sampler, roulette_from, clamp_direct, clamp_indirect),
         layers=layers.names,
         scale=scale,
@@ -177,6 +187,7 @@ def still(
     job = StillJob(
         file=file,
         moment=moment,
+        environment=environment,
         scene_name=name,
         profile=output.profile,
         nodes=NODES if nodes is None else nodes,

@@ -166,6 +166,7 @@ def import_(
     fps: FpsOption = None,
     time: TimeOption = None,
     animation: str | None = None,
+    environment: Path | None = None,
     rate: float | None = None,
     dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
@@ -190,6 +191,8 @@ def import_(
         Seconds since the animations began, instead of a frame.
     animation
         Name of the animation to play; by default all of the file play.
+    environment
+        Radiance .hdr or OpenEXR file of what lies infinitely far around, to light the scene by; its middle is seen along -Z.
     rate
         MiB that are stored in a second, at most, so that others can work meanwhile; by default as fast as it goes.
     dry_run
@@ -204,12 +207,14 @@ def import_(
     name, speed = scene_name_of(file.stem) if scene is None else scene, bytes_per_s(rate)
     moment = moment_of("scenectl scene import", frame=frame, fps=fps, time=time, animation=animation)
     if dry_run:
-        _plan_import(name, file, moment, output)
+        _plan_import(name, file, moment, environment, output)
         return
 
     async def work(progress: Progress) -> ImportReport:
         async with connected(output.profile) as cluster:
-            _, report = await cluster.scenes.import_file(name, file, progress, speed, replacing=tell, moment=moment)
+            _, report = await cluster.scenes.import_file(
+                name, file, progress, speed, environment=environment, replacing=tell, moment=moment
+            )
             return report
 
     def tell(content: SceneDocument) -> None:
@@ -225,7 +230,7 @@ def import_(
     emit(output, {"scene": name, "file": str(file), **report.document()}, text)
 
 
-def _plan_import(name: str, file: Path, moment: Moment | None, output: ProfileOutput) -> None:
+def _plan_import(name: str, file: Path, moment: Moment | None, environment: Path | None, output: ProfileOutput) -> None:
     """Say what an import would store."""
     from scenectl.progress import Progress
     from scenectl.running import run
@@ -234,7 +239,7 @@ def _plan_import(name: str, file: Path, moment: Moment | None, output: ProfileOu
 
     async def plan(progress: Progress) -> tuple[PreparedImport, int, int]:
         world = offline_world()
-        prepared = await prepare_import(world, file, progress, moment)
+        prepared = await prepare_import(world, file, progress, moment, environment)
         return prepared, *await world.workers.run("import", prepared.totals)
 
     with Progress(quiet=output.json) as progress:

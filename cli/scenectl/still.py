@@ -35,6 +35,8 @@ class StillJob:
 
     file: Path | None
     """Scene file to import first; None for a scene that the cluster holds already."""
+    environment: Path | None = None
+    """Image file of what lies around it."""
     scene_name: str
     profile: str | None
     nodes: int
@@ -97,7 +99,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
     if job.file is not None:
         # Before any node is started: a file that cannot be used should not cost more than its reading.
         with phases.time("read"):
-            prepared = await prepare_import(offline_world(), job.file, progress, job.moment)
+            prepared = await prepare_import(offline_world(), job.file, progress, job.moment, job.environment)
         prepared.check_camera(job.options.camera)
     async with _cluster(job, phases) as cluster:
         if prepared is None:
@@ -220,6 +222,7 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[s
         "crop": None if options.crop is None else options.crop.row(),
         "lens": None if options.lens is None else options.lens.row(),
         **asdict(options.sampling),
+        "environment_rotation": options.environment_rotation,
         "layers": list(result.layers),
         "png": str(job.png),
         "view": job.view,

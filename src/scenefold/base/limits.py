@@ -160,6 +160,8 @@ TEXTURE_PIXELS_MAX = 8_192 * 8_192
 """Pixels of one texture: 256 MiB decoded, so that one image alone stays far below 2 GiB."""
 TEXTURE_TILE_SIDE = 120
 """A tile of 120 x 120 RGBA8 pixels, 57,600 bytes, fits one record."""
+ENVIRONMENT_TEXELS_MAX = 4_096 * 2_048
+"""Texels of an environment map, which every node holds: 128 MiB with its tables; 839 pages of the scene's."""
 TABLE_PAGES_MAX = 2_500
 """Pages of all tables of a scene: their locations fit the scene document, which is one record."""
 

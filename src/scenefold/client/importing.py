@@ -105,13 +105,15 @@ class PreparedImport:
             check_camera(name, self.plan.camera_names)
 
 
-async def prepare_import(world: World, path: Path, progress: ProgressCallback, moment: Moment | None = None) -> PreparedImport:
-    """Read a file in a worker thread, at a moment of its animations (None: at rest); LocalFault says what is wrong with it."""
+async def prepare_import(
+    world: World, path: Path, progress: ProgressCallback, moment: Moment | None = None, environment: Path | None = None
+) -> PreparedImport:
+    """Read a file, at a moment of its animations (None: at rest), and its environment map, in a worker thread; LocalFault says what is wrong with it."""
     from scenefold.scene.importers import AT_REST, plan_import, read_scene
 
     begun = world.clock.now()
     progress(ProgressState("read", 0, 1, "file"))
-    source = await world.workers.run("import", read_scene, path, moment or AT_REST)
+    source = await world.workers.run("import", read_scene, path, moment or AT_REST, environment)
     marks = _Marks()
     plan = await world.workers.run("import", plan_import, source, marks)
     progress(ProgressState("read", 1, 1, "file"))

@@ -177,16 +177,17 @@ class Scenes:
         progress: ProgressCallback | bool = False,
         bytes_per_s: float | None = None,
         *,
+        environment: Path | None = None,
         replacing: Callable[[SceneDocument], None] | None = None,
         moment: Moment | None = None,
     ) -> tuple[Scene, ImportReport]:
         """Import a file into the scene of this name, made if there is none once the file is known to be good.
 
-        See `Scene.import_file`. `replacing`: told of what the scene shows, if anything, before that is replaced.
+        See `Scene.import_file`. `environment`: image file of what lies infinitely far around. `replacing`: told of what the scene shows, if anything, before that is replaced.
         """
         checked_name(name, "scene")
         tell = callback_of(progress)
-        prepared = await prepare_import(self._calls.world, Path(path), tell, moment)
+        prepared = await prepare_import(self._calls.world, Path(path), tell, moment, environment)
         return await self.import_prepared(name, prepared, tell, bytes_per_s, replacing=replacing)
 
     async def import_prepared(

@@ -167,6 +167,12 @@ class SceneArrays(NamedTuple):
     """Whether anything held has them."""
     has_colors: bool
     has_tangents: bool
+    environment: F32
+    """[h, w, 3]: radiance by direction, row 0 being +Y, and the middle -Z (specs/05-scene-content.md); [1, 1, 3] zeros without a map."""
+    environment_rows: F32
+    """[h + 1]: cumulative probabilities of rows, from 0 to 1."""
+    environment_columns: F32
+    """[h, w + 1]: of columns in each row."""
 
 
 class JobNumbers(NamedTuple):
@@ -213,3 +219,8 @@ class JobNumbers(NamedTuple):
     """Most that one contribution of light that was reflected at most once may be, as the mean of its channels; inf: anything."""
     clamp_indirect: float
     """The same of light that was reflected more often."""
+    has_environment: bool
+    """Whether the scene's map shines; else the constant sky does."""
+    environment_cosine: float
+    """Of the angle by which the map is turned about +Y, counter-clockwise seen from above."""
+    environment_sine: float

@@ -63,6 +63,7 @@ class StillOptions:
     focus: float | None = None
     """How far from the camera everything is sharp; with an aperture only."""
     sampling: Sampling = USUAL_SAMPLING
+    environment_rotation: float = 0.0
     ignore_settings: bool = False
     """All that is None is as usual, whatever the scene's log says."""
 
@@ -88,6 +89,7 @@ class StillOptions:
             crop=crop,
             lens=lens_of(self.aperture, self.focus),
             sampling=self.sampling,
+            environment_rotation=self.environment_rotation,
         )
         options.check()
         return options

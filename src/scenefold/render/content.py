@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scenefold.base.rays import T_DONE_STEPS
 from scenefold.partition import Partition
 from scenefold.render.arrays import F32, F64, I64, U8, SceneArrays, TextureColumn
+from scenefold.render.environment_kernels import fill_tables
 from scenefold.render.material_rows import material_rows
 from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
 from scenefold.render.setup_kernels import linear_of_srgb
@@ -118,6 +119,7 @@ def scene_arrays(
         punctual_rows(tables),
         uses,
         *_rarer_attributes([atom for group in sorted(atoms) for atom in atoms[group]], vertex_count),
+        *_environment(tables),
     )
 
 
@@ -141,6 +143,15 @@ def _rarer_attributes(held: Sequence[GeometryAtom], vertices: int) -> tuple[F32,
             tangents[place] = atom.tangents
         first = place.stop
     return uvs2, colors, tangents, has_uvs2, has_colors, has_tangents
+
+
+def _environment(tables: SceneTables) -> tuple[F32, F32, F32]:
+    """`environment`, `environment_rows`, `environment_columns` of `SceneArrays`."""
+    texels = tables.environment.radiance if len(tables.environment) else np.zeros((1, 1, 3), np.float32)
+    height, width = texels.shape[:2]
+    rows, columns = np.empty(height + 1, np.float32), np.empty((height, width + 1), np.float32)
+    fill_tables(texels, np.empty(height), rows, columns)
+    return texels, rows, columns
 
 
 def worn_textures(tables: SceneTables, atoms: Mapping[int, Sequence[GeometryAtom]]) -> list[int]:

@@ -96,5 +96,6 @@ async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, w
         crop=options.crop,
         lens=options.lens,
         sampling=options.sampling,
+        environment_rotation=options.environment_rotation,
     )
     return OneNodeJob(job, await load_share(reader, workers, job, 0))

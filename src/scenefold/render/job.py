@@ -16,7 +16,7 @@ from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.image_limits import DEPTH_MAX, SAMPLES_MAX, SIDE_MAX, SKY_MAX
 from scenefold.base.limits import POOL_NODES_MAX
-from scenefold.base.plain_values import exactly, text, whole
+from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.partition import Partition
 from scenefold.render.layers import USUAL, check_layers, columns_of
 from scenefold.render.lens import Lens
@@ -31,6 +31,7 @@ from scenefold.wire import pack_value, unpack_value
 ALGORITHMS = ("bounded-radial", "voronoi")
 SEED_MAX = 2**63 - 1
 HASH_BYTES = 32
+ROTATION_MAX = 360.0
 _CAMERA_NUMBERS = 16
 
 
@@ -57,6 +58,8 @@ class RenderOptions:
     lens: Lens | None = None
     """Of the camera; None: it is a pinhole."""
     sampling: Sampling = USUAL_SAMPLING
+    environment_rotation: float = 0.0
+    """Degrees by which the scene's environment map is turned about +Y, counter-clockwise seen from above."""
 
     @property
     def window(self) -> Window:
@@ -82,10 +85,17 @@ class RenderOptions:
         if self.lens is not None:
             self.lens.check()
         self.sampling.check()
+        check_rotation(self.environment_rotation)
         if self.algorithm not in ALGORITHMS:
             raise UsageFault(
                 f"there is no algorithm {self.algorithm!r}", where="algorithm", remedy=f"choose one of {', '.join(ALGORITHMS)}"
             )
+
+
+def check_rotation(degrees: float) -> None:
+    """UsageFault unless a map can be turned by so much."""
+    if not -ROTATION_MAX <= degrees <= ROTATION_MAX:
+        raise UsageFault(f"the environment's rotation is {degrees}", where="environment-rotation", remedy="give degrees, from -360 to 360")
 
 
 def layers_of_row(row: Any) -> tuple[str, ...]:
@@ -127,6 +137,7 @@ class Job:
     crop: Window | None = None
     lens: Lens | None = None
     sampling: Sampling = USUAL_SAMPLING
+    environment_rotation: float = 0.0
 
     @property
     def window(self) -> Window:
@@ -167,6 +178,7 @@ class Job:
                 "crop": None if self.crop is None else self.crop.row(),
                 "lens": None if self.lens is None else self.lens.row(),
                 "sampling": self.sampling.row(),
+                "environment_rotation": float(self.environment_rotation),
             }
         )
 
@@ -204,10 +216,12 @@ class Job:
             crop=Window.of_row(document["crop"]),
             lens=Lens.of_row(document.get("lens")),
             sampling=Sampling.of_row(document.get("sampling")),
+            environment_rotation=number(document.get("environment_rotation", 0.0)),
         )
         if job.lens is not None:
             job.lens.check()
         job.sampling.check()
+        check_rotation(job.environment_rotation)
         job.window.check(width, height)
         if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")

@@ -15,8 +15,9 @@ from numba import njit
 from scenefold.render.arrays import LightColumn
 from scenefold.render.bsdf_kernels import frame_of, luminance
 from scenefold.render.dice_kernels import PAIR_LIGHT, PAIR_LIGHT_POINT, column_of, pair, pair_of_words, unit_of
-from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, select
-from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
+from scenefold.render.environment_kernels import environment_at, sample_environment
+from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, real_of_whole, select
+from scenefold.render.math_kernels import INVERSE_PI, decode_direction, sine_cosine_of_turns
 from scenefold.render.space_kernels import box_span, longest_side, offset_origin
 
 _KIND, _POSITION, _DIRECTION, _COLOR = LightColumn.KIND, LightColumn.POSITION, LightColumn.DIRECTION, LightColumn.COLOR
@@ -28,6 +29,17 @@ _SPOT, _DIRECTIONAL = 1.0, 2.0
 def sky_pdf(job):  # type: ignore[no-untyped-def]
     """Density per steradian with which next-event estimation asks for a sky direction above the surface."""
     return job.choose_sky * 0.5 * INVERSE_PI
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def sky_at(scene, job, code_u, code_v):  # type: ignore[no-untyped-def]
+    """(r, g, b, pdf): radiance of the environment from coded directions, and with which density next-event estimation asks for them."""
+    if job.has_environment:
+        wx, wy, wz = decode_direction(code_u, code_v)
+        r, g, b, pdf = environment_at(scene, job, wx, wy, wz)
+        return r, g, b, pdf * job.choose_sky
+    example = real_of_whole(code_u)
+    return alike(job.sky[0], example), alike(job.sky[1], example), alike(job.sky[2], example), alike(sky_pdf(job), example)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -83,7 +95,7 @@ def sample_light(scene, job, dice, px, py, pz, nx, ny, nz):  # type: ignore[no-u
     to_punctual = (rest < job.choose_punctual) & opposite(to_sky)
     to_emitter = opposite(to_sky | to_punctual)
     if any_lane(to_sky):
-        sample = _chosen(to_sky, _sample_sky(job, u, v, px, py, pz, nx, ny, nz), sample)
+        sample = _chosen(to_sky, _sample_sky(scene, job, u, v, px, py, pz, nx, ny, nz), sample)
     if any_lane(to_punctual):
         sample = _chosen(to_punctual, _sample_punctual(scene, job, rest / job.choose_punctual, px, py, pz), sample)
     if job.choose_emitter > 0.0 and any_lane(to_emitter):
@@ -92,7 +104,12 @@ def sample_light(scene, job, dice, px, py, pz, nx, ny, nz):  # type: ignore[no-u
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _sample_sky(job, u, v, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
+def _sample_sky(scene, job, u, v, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
+    if job.has_environment:
+        wx, wy, wz, r, g, b, pdf = sample_environment(scene, job, u, v)
+        pdf = pdf * job.choose_sky
+        ex, ey, ez = _far_end(px, py, pz, wx, wy, wz, job)
+        return pdf > 1e-30, wx, wy, wz, ex, ey, ez, r / pdf, g / pdf, b / pdf, pdf
     s, c = sine_cosine_of_turns(v)
     r = math.sqrt(max(0.0, 1.0 - u * u))
     ax, ay, az, bx, by, bz = frame_of(nx, ny, nz)

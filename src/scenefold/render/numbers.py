@@ -12,6 +12,7 @@ from scenefold.render.bsdf_kernels import luminance
 from scenefold.render.dice_kernels import SAMPLER_INDEPENDENT, SAMPLER_SOBOL
 from scenefold.render.generate_kernels import scattering_stride
 from scenefold.render.job import Job
+from scenefold.render.math_kernels import PI
 from scenefold.render.precise_kernels import sine_cosine
 from scenefold.render.setup_kernels import emitter_power
 from scenefold.scene.payloads.cameras import Camera
@@ -84,9 +85,11 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
     """The kernels' view of a job."""
     low, high = job_box(tables)
     power = float(emitter_power(tables.lights.corners.copy(), tables.lights.emission.copy()))
-    present = (max(job.sky) > 0.0, any(max(light.color) > 0.0 for light in tables.punctual), power > 0.0)
+    has_environment = tables.environment.shines and not max(job.sky) > 0.0
+    present = (has_environment or max(job.sky) > 0.0, any(max(light.color) > 0.0 for light in tables.punctual), power > 0.0)
     choose_sky, choose_punctual, choose_emitter = _choices(*present)
     dice = dice_seed(job.seed, job.frame)
+    sine, cosine = (float(value) for value in sine_cosine(job.environment_rotation % 360.0 / 180.0 * PI))
     return JobNumbers(
         box_low=low,
         box_high=high,
@@ -113,6 +116,9 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
         roulette_from=job.sampling.roulette_from,
         clamp_direct=_limit(job.sampling.clamp_direct),
         clamp_indirect=_limit(job.sampling.clamp_indirect),
+        has_environment=has_environment,
+        environment_cosine=cosine,
+        environment_sine=sine,
     )
 
 

@@ -39,7 +39,7 @@ from scenefold.render.lane_values_kernels import (
     take,
 )
 from scenefold.render.lanes_kernels import LANES
-from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_pdf
+from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_at
 from scenefold.render.math_kernels import decode_color, decode_direction, decode_pdf, encode_color, encode_direction, encode_pdf
 from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
@@ -152,7 +152,7 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
             frees[free_count] = i
             free_count += 1
     for first in range(0, free_count, LANES):
-        _deliver(rays, frees, first, free_count, job, sums, counters, scratch)
+        _deliver(rays, frees, first, free_count, scene, job, sums, counters, scratch)
     made = 0
     for first in range(0, hit_count, LANES):
         made = _shade_hits(
@@ -162,17 +162,18 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _deliver(rays, frees, first, count, job, sums, counters, scratch):  # type: ignore[no-untyped-def]
+def _deliver(rays, frees, first, count, scene, job, sums, counters, scratch):  # type: ignore[no-untyped-def]
     """Shadow rays that arrived bring their contribution, path rays that left the box that of the sky."""
     at, live = _places(frees, first, count, scratch)
     ray = read_rays(rays, at)
     r, g, b = decode_color(ray.color_low, ray.color_high)
     to_sky = (ray.kind != np.uint32(KIND_SHADOW)) & (ray.kind != np.uint32(KIND_POINT_SHADOW))
-    weight = select(ray.pdf == np.uint32(PDF_DELTA), 1.0, _power_weight(decode_pdf(ray.pdf), sky_pdf(job)))
+    sky_r, sky_g, sky_b, sky_pdf = sky_at(scene, job, ray.code_u, ray.code_v)
+    weight = select(ray.pdf == np.uint32(PDF_DELTA), 1.0, _power_weight(decode_pdf(ray.pdf), sky_pdf))
     r, g, b = (
-        select(to_sky, r * job.sky[0] * weight, r),
-        select(to_sky, g * job.sky[1] * weight, g),
-        select(to_sky, b * job.sky[2] * weight, b),
+        select(to_sky, r * sky_r * weight, r),
+        select(to_sky, g * sky_g * weight, g),
+        select(to_sky, b * sky_b * weight, b),
     )
     _add_lanes(job, sums, counters, scratch, live, ray.path, ray.bounce + select(to_sky, np.uint32(0), np.uint32(1)), r, g, b)
 

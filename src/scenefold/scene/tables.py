@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scenefold.base.errors import DamagedData
 from scenefold.scene.payloads.cameras import Camera, decode_cameras
 from scenefold.scene.payloads.document import TABLES, SceneDocument, content_hash
+from scenefold.scene.payloads.environment import Environment, join_environment
 from scenefold.scene.payloads.geometry import GeometryAtom, decode_atom
 from scenefold.scene.payloads.groups import GroupTable, decode_groups, join_groups
 from scenefold.scene.payloads.instances import InstanceTable, decode_instances, join_instances
@@ -44,6 +45,7 @@ class SceneTables:
     cameras: list[Camera]
     punctual: list[PunctualLight]
     lights: LightTable
+    environment: Environment
 
     @classmethod
     def from_payloads(cls, document: SceneDocument, payloads: Sequence[bytes | None]) -> SceneTables:
@@ -58,6 +60,7 @@ class SceneTables:
             _entries(pages["cameras"], decode_cameras),
             _entries(pages["punctual"], decode_punctual),
             join_lights(_arrays(pages["lights"], decode_lights)),
+            join_environment(pages["environment"]),
         )
         _check(tables)
         return tables

@@ -25,6 +25,8 @@ from scenefold.render import (
     space_kernels,
 )
 from scenefold.render.dice_kernels import column_of as _column
+from scenefold.render.environment_kernels import environment_at as _environment_at
+from scenefold.render.environment_kernels import sample_environment as _sample_environment
 from scenefold.render.light_kernels import sample_light as _light
 from scenefold.render.record_kernels import read_rays as _read_rays
 from scenefold.render.record_kernels import write_rays as _write_rays
@@ -302,6 +304,25 @@ def _lights(scene, job, points, samples, normal, out):
 
 
 @njit(error_model="numpy")
+def _environment(scene, job, numbers, sampled, seen):
+    for i in range(0, numbers.shape[1], _LANES):
+        drawn = _sample_environment(scene, job, _take(numbers[0], i), _take(numbers[1], i))
+        for column, value in enumerate(drawn):
+            _put(sampled[column], i, value)
+        found = _environment_at(scene, job, drawn[0], drawn[1], drawn[2])
+        for column, value in enumerate(found):
+            _put(seen[column], i, value)
+
+
+@njit(error_model="numpy")
+def _environment_seen(scene, job, directions, seen):
+    for i in range(0, directions.shape[1], _LANES):
+        found = _environment_at(scene, job, _take(directions[0], i), _take(directions[1], i), _take(directions[2], i))
+        for column, value in enumerate(found):
+            _put(seen[column], i, value)
+
+
+@njit(error_model="numpy")
 def _round(pixels, samples, out):
     for i in range(0, pixels.shape[0], _LANES):
         sample = _take(samples, i)
@@ -325,6 +346,21 @@ def lights(scene: Any, job: Any, points: Any, samples: U32, normal: Any) -> npt.
     spread = np.ascontiguousarray(np.broadcast_to(np.asarray(points, np.float32), (len(samples), 3)).T)
     _lights(scene, job, spread, samples, np.asarray(normal, np.float64), out)
     found: npt.NDArray[np.float64] = out.T.astype(np.float64)
+    return found
+
+
+def environment_drawn(scene: Any, job: Any, numbers: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """By pairs of numbers f64[n, 2]: direction, radiance, density f64[n, 7], and what is seen along it, radiance and density f64[n, 4]."""
+    drawn, seen = np.empty((7, len(numbers)), np.float32), np.empty((4, len(numbers)), np.float32)
+    _environment(scene, job, np.ascontiguousarray(np.asarray(numbers, np.float32).T), drawn, seen)
+    return drawn.T.astype(np.float64), seen.T.astype(np.float64)
+
+
+def environment_seen(scene: Any, job: Any, directions: Any) -> npt.NDArray[np.float64]:
+    """Along unit directions f64[n, 3]: radiance and density, f64[n, 4]."""
+    seen = np.empty((4, len(directions)), np.float32)
+    _environment_seen(scene, job, np.ascontiguousarray(np.asarray(directions, np.float32).T), seen)
+    found: npt.NDArray[np.float64] = seen.T.astype(np.float64)
     return found
 
 

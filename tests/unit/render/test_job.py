@@ -43,6 +43,7 @@ JOB = Job(
     crop=Window(600, 300, 40, 60),
     lens=Lens(0.1, 2.5),
     sampling=Sampling("independent", 5, None, 10.0),
+    environment_rotation=-12.5,
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
@@ -56,7 +57,7 @@ def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling()}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0}
 """What older documents do not have, and what it is then."""
 
 
@@ -183,6 +184,8 @@ def test_options_are_checked_one_by_one() -> None:
         {"layers": ("depth", "albedo")},
         {"layers": ("shine",)},
         {"lens": Lens(0.1, 0.0)},
+        {"environment_rotation": float("nan")},
+        {"environment_rotation": 361.0},
         {"sampling": Sampling("halton")},
         {"sampling": Sampling(roulette_from=0)},
         {"sampling": Sampling(clamp_direct=0.0)},

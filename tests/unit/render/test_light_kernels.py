@@ -86,6 +86,9 @@ def lit_scene() -> SceneArrays:
         has_uvs2=False,
         has_colors=False,
         has_tangents=False,
+        environment=np.zeros((1, 1, 3), np.float32),
+        environment_rows=np.array([0.0, 1.0], np.float32),
+        environment_columns=np.array([[0.0, 1.0]], np.float32),
     )
 
 
@@ -118,6 +121,9 @@ def job(sky: float, punctual: float, emitter: float) -> JobNumbers:
         3,
         math.inf,
         math.inf,
+        False,
+        1.0,
+        0.0,
     )
 
 

@@ -33,6 +33,7 @@ REQUEST = RenderRequest(
         crop=Window(5, 6, 7, 8),
         lens=Lens(0.1, 2.5),
         sampling=Sampling("independent", 5, 2.0),
+        environment_rotation=-12.5,
     ),
     SceneHead(5, bytes(32), 4),
 )
@@ -65,7 +66,7 @@ def test_a_request_round_trips() -> None:
     assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling()}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0}
 """What older clients do not send, and what it is then."""
 
 

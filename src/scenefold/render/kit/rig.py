@@ -116,6 +116,7 @@ class Rig:
             crop=asked.crop,
             lens=asked.lens,
             sampling=asked.sampling,
+            environment_rotation=asked.environment_rotation,
         )
 
     def held(self, partition: Partition, me: int) -> HeldScene:

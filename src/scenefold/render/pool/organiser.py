@@ -197,6 +197,7 @@ class Organiser:
             crop=options.crop,
             lens=options.lens,
             sampling=options.sampling,
+            environment_rotation=options.environment_rotation,
         )
 
     def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:

@@ -56,6 +56,7 @@ class RenderRequest:
                 "crop": None if options.crop is None else options.crop.row(),
                 "lens": None if options.lens is None else options.lens.row(),
                 "sampling": options.sampling.row(),
+                "environment_rotation": float(options.environment_rotation),
             }
         )
 
@@ -78,6 +79,7 @@ class RenderRequest:
                 crop=Window.of_row(document["crop"]),
                 lens=Lens.of_row(document.get("lens")),
                 sampling=Sampling.of_row(document.get("sampling")),
+                environment_rotation=number(document.get("environment_rotation", 0.0)),
             )
             request = cls(
                 job,

@@ -11,9 +11,11 @@ one LocalFault before the first record exists.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from scenefold.base.errors import LocalFault
+from scenefold.scene.importers.environments import read_environment
 from scenefold.scene.importers.faults import bad_file, readable_size
 from scenefold.scene.importers.gltf import read_gltf
 from scenefold.scene.importers.moments import AT_REST, FPS_USUAL, Moment, moment_of_frame
@@ -45,8 +47,8 @@ READERS: dict[str, Callable[[Path], SourceScene]] = {
 }
 
 
-def read_scene(path: str | Path, moment: Moment = AT_REST) -> SourceScene:
-    """The scene of a file, at a moment of its animations; LocalFault if it is none, or if anything in it cannot be used."""
+def read_scene(path: str | Path, moment: Moment = AT_REST, environment: str | Path | None = None) -> SourceScene:
+    """The scene of a file, at a moment of its animations, under the map of another one; LocalFault if it is none, or if anything in it cannot be used."""
     file = Path(path)
     readable_size(file)
     reader = READERS.get(file.suffix.lower())
@@ -57,7 +59,11 @@ def read_scene(path: str | Path, moment: Moment = AT_REST) -> SourceScene:
     if moment.time_s is not None and reader is not read_gltf:
         raise bad_file(file, f"files of kind {file.suffix!r} hold no animation", "give neither a time nor a frame")
     try:
-        return reader(file) if moment.time_s is None else read_gltf(file, moment)
+        source = reader(file) if moment.time_s is None else read_gltf(file, moment)
+        if environment is None:
+            return source
+        found, left = read_environment(Path(environment))
+        return replace(source, environment=found, not_carried=[*source.not_carried, *left])
     except MemoryError as error:
         raise LocalFault("the file is too large for this machine's memory", where=str(file), remedy="split it") from error
 

@@ -36,6 +36,7 @@ from scenefold.scene.importers.tiling import tile_count, tiles_of
 from scenefold.scene.importers.unshown import unshown
 from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, TEXTURES, geometry_lattice, item_location
 from scenefold.scene.payloads.document import NOT_CARRIED_MAX, TABLES, SceneDocument, content_hash, encode_document
+from scenefold.scene.payloads.environment import TEXELS_OF_A_PAGE
 from scenefold.scene.payloads.groups import ATOM_ROW, GROUP_ROW
 from scenefold.scene.payloads.light_table import LIGHTS_OF_A_PAGE
 from scenefold.scene.payloads.materials import encode_materials
@@ -152,6 +153,7 @@ class ImportPlan:
         pages = lights // LIGHTS_OF_A_PAGE + len(self._instances) // 1_000 + self.triangles // 350 // 600
         pages += len(self._runs) // 600 + len(self._material_pages) + self._tiles() // 1_000 + 16
         pages += (len(self._source.textures) + len(self._cameras) + len(self._source.punctual)) // 20
+        pages += len(self._source.environment) // TEXELS_OF_A_PAGE + 1
         if pages > TABLE_PAGES_MAX:
             raise LocalFault(f"{self._source.name} is too large for one scene", remedy="split it into several scenes")
 
@@ -250,6 +252,7 @@ class ImportPlan:
             "materials": len(self._source.materials), "textures": len(self._source.textures),
             "cameras": len(self._cameras), "punctual": len(self._source.punctual), "triangles": self.triangles,
             "instanced_triangles": int(instanced), "atoms": len(atoms), "tiles": len(self._places["tiles"]),
+            "environment": len(self._source.environment),
         }  # fmt: skip
         done, total = 0, sum(len(pages[name]) for name in TABLES)
         for name, space in TABLES.items():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefold.scene.payloads.cameras import Camera
+from scenefold.scene.payloads.environment import Environment
 from scenefold.scene.payloads.materials import Material
 from scenefold.scene.payloads.punctual import PunctualLight
 
@@ -64,6 +65,8 @@ class SourceScene:
     not_carried: list[str] = field(default_factory=list)
     as_instances: NDArray[np.bool_] | None = None
     """bool[np]: placements that the file itself calls instances, which stay instances however small. None: there is none."""
+    environment: Environment = field(default_factory=Environment)
+    """What lies infinitely far; usually nothing."""
 
 
 class NotCarried:

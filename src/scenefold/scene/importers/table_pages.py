@@ -11,6 +11,7 @@ from scenefold.base.location import Location
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.importers.tiling import texture_head, tile_count
 from scenefold.scene.payloads.cameras import Camera, encode_cameras
+from scenefold.scene.payloads.environment import encode_environment
 from scenefold.scene.payloads.groups import encode_groups, page_bounds
 from scenefold.scene.payloads.instances import INSTANCES_OF_A_PAGE, encode_instances
 from scenefold.scene.payloads.light_table import LIGHTS_OF_A_PAGE, encode_lights
@@ -39,6 +40,7 @@ def table_pages(
         "textures": encode_textures(_heads(source, tiles)),
         "cameras": encode_cameras(cameras),
         "punctual": encode_punctual(source.punctual),
+        "environment": encode_environment(source.environment),
         "lights": [encode_lights(first, lights[first : first + LIGHTS_OF_A_PAGE]) for first in range(0, len(lights), LIGHTS_OF_A_PAGE)],
     }
 

@@ -20,7 +20,9 @@ from scenefold.scene.layout import CAMERAS, GROUPS, INSTANCES, LIGHTS, MATERIALS
 from scenefold.scene.payloads.values import Fields, shorten, unpack_fields
 from scenefold.wire import pack_value
 
-KIND, VERSION = "scene", 1
+KIND, VERSION, ENVIRONMENT_VERSION = "scene", 1, 2
+ENVIRONMENT = "environment"
+"""The table that only documents of version 2 have."""
 DIGEST_BYTES = 32
 NOT_CARRIED_MAX = 24
 
@@ -32,6 +34,7 @@ TABLES: dict[str, SpaceId] = {
     "cameras": CAMERAS,
     "punctual": LIGHTS,
     "lights": LIGHTS,
+    ENVIRONMENT: LIGHTS,
 }
 """The tables in the order in which `content` hashes them, and the spaces that hold their pages."""
 
@@ -76,15 +79,17 @@ def content_hash(pages: Iterable[bytes]) -> bytes:
 
 
 def encode_document(document: SceneDocument) -> bytes:
+    """The payload; of version 1 if the scene has no environment map, so that older programs read it."""
+    version = ENVIRONMENT_VERSION if document.pages[ENVIRONMENT] else VERSION
     payload = pack_value(
         {
             "kind": KIND,
-            "version": VERSION,
+            "version": version,
             "source": shorten(document.source),
             "world": [*document.world_low.tolist(), *document.world_high.tolist()],
             "lattice": [*document.lattice_low.tolist(), *document.lattice_high.tolist()],
-            "counts": {name: document.counts[name] for name in COUNTS},
-            "pages": {name: b"".join(document.pages[name]) for name in TABLES},
+            "counts": {name: document.counts[name] for name in _named(COUNTS, version)},
+            "pages": {name: b"".join(document.pages[name]) for name in _named(TABLES, version)},
             "default_camera": shorten(document.default_camera),
             "content": document.content,
             "records": document.records,
@@ -100,7 +105,7 @@ def decode_document(payload: bytes) -> SceneDocument:
     fields = unpack_fields(payload, "a scene document")
     fields.require(fields.text("kind") == KIND, "does not begin with its mark")
     version = fields.integer("version", 0, 2**31)
-    fields.require(version == VERSION, f"has the unknown version {version}")
+    fields.require(VERSION <= version <= ENVIRONMENT_VERSION, f"has the unknown version {version}")
     world_low, world_high = _box(fields, "world")
     lattice_low, lattice_high = _box(fields, "lattice")
     counts = fields.inner("counts")
@@ -111,8 +116,8 @@ def decode_document(payload: bytes) -> SceneDocument:
         world_high=world_high,
         lattice_low=lattice_low,
         lattice_high=lattice_high,
-        counts={name: counts.integer(name, 0, 2**62) for name in COUNTS},
-        pages={name: _locations(pages, name) for name in TABLES},
+        counts=dict.fromkeys(COUNTS, 0) | {name: counts.integer(name, 0, 2**62) for name in _named(COUNTS, version)},
+        pages=dict.fromkeys(TABLES, ()) | {name: _locations(pages, name) for name in _named(TABLES, version)},
         default_camera=fields.text("default_camera"),
         content=_digest(fields, "content"),
         records=_digest(fields, "records"),
@@ -121,6 +126,11 @@ def decode_document(payload: bytes) -> SceneDocument:
     for part in (counts, pages, fields):
         part.end()
     return document
+
+
+def _named(names: Iterable[str], version: int) -> list[str]:
+    """Those of them that documents of this version have."""
+    return [name for name in names if version >= ENVIRONMENT_VERSION or name != ENVIRONMENT]
 
 
 def _box(fields: Fields, key: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenefold.render.arrays import F64, LightColumn
+import numpy as np
+
+from scenefold.render.arrays import F32, F64, JobNumbers, LightColumn
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 from scenefold.render.renderers.mitsuba.looks import Looks
 
@@ -32,6 +34,20 @@ def punctual_light(mitsuba: Mitsuba, row: F64) -> Any:
     if row[LightColumn.KIND] == _SPOT:
         return _classes_of(mitsuba)[1](position, direction, color, float(row[LightColumn.COS_INNER]), float(row[LightColumn.COS_OUTER]))
     return mi.load_dict({"type": "point", "position": position, "intensity": {"type": "rgb", "value": color}})
+
+
+def environment_light(mitsuba: Mitsuba, radiance: F32, numbers: JobNumbers) -> Any:
+    """Mitsuba's own map. Its first and last rows lie at the poles and not half a texel beside: rows between ours make them the same."""
+    mi = mitsuba.mi
+    height = len(radiance)
+    at = np.clip(np.arange(2 * height + 1) * 0.5 - 0.5, 0.0, height - 1.0)
+    above = np.floor(at).astype(int)
+    down = (at - above)[:, None, None]
+    rows = radiance[above] * (1.0 - down) + radiance[np.minimum(above + 1, height - 1)] * down
+    # Its middle is +Z, ours is -Z.
+    turned = float(np.degrees(np.arctan2(numbers.environment_sine, numbers.environment_cosine))) + 180.0
+    about = mi.ScalarTransform4f().rotate([0.0, 1.0, 0.0], turned)
+    return mi.load_dict({"type": "envmap", "bitmap": mi.Bitmap(rows.astype(np.float32)), "to_world": about})
 
 
 def _classes_of(mitsuba: Mitsuba) -> tuple[Any, Any]:

@@ -11,7 +11,7 @@ from scenefold.render.contract import HeldScene
 from scenefold.render.flat import FlatTriangles, flat_triangles
 from scenefold.render.renderers.mitsuba.gltf_bsdf import gltf_bsdf
 from scenefold.render.renderers.mitsuba.library import Mitsuba
-from scenefold.render.renderers.mitsuba.lights import punctual_light, surface_light
+from scenefold.render.renderers.mitsuba.lights import environment_light, punctual_light, surface_light
 from scenefold.render.renderers.mitsuba.looks import Looks
 
 
@@ -32,7 +32,9 @@ def scene_of(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any:
                 parts[f"mesh_{material}_{name}"] = _mesh(mitsuba, triangles, looks, bsdf, name == "smooth")
     for number, row in enumerate(held.arrays.punctual_lights):
         parts[f"light_{number}"] = punctual_light(mitsuba, row)
-    if float(numbers.sky.max()) > 0.0:
+    if numbers.has_environment:
+        parts["sky"] = environment_light(mitsuba, held.arrays.environment, numbers)
+    elif float(numbers.sky.max()) > 0.0:
         parts["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": numbers.sky.tolist()}}
     return mi.load_dict(parts)
 
