@@ -27,7 +27,7 @@ def albedo_of(base: float, roughness: float, metallic: float) -> float:
         wo = np.array([math.sqrt(1 - z * z), 0.0, z])
         wi = probe.scattered(wo, alpha, coat, np.random.default_rng(row).random((count, 3)))
         wi = wi[wi[:, 2] > 0]
-        values = probe.evaluations(np.tile(wo, (len(wi), 1)), wi, np.full(3, base), metallic, alpha, 0.04, 0.0, coat)
+        values = probe.evaluations(np.tile(wo, (len(wi), 1)), wi, np.full(3, base), metallic, alpha, (0.04, 0.04, 0.04, 1.0), 0.0, coat)
         total += (values[:, 0] * wi[:, 2] / values[:, 3]).sum() / count
     return float(total / rows)
 

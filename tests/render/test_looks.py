@@ -94,6 +94,36 @@ def test_vertex_colours_multiply_the_base_colour_and_its_alpha() -> None:
     assert abs(image.beauty.mean() - (1 - 0.8 * 0.75)) < 0.01
 
 
+def test_what_is_unlit_shows_its_base_colour_and_has_no_other_light() -> None:
+    use = TextureUse(0, nearest=True)
+    bare = Material(base_color=(0.5, 1.0, 0.25, 1.0), base_color_texture=use, emissive=(9.0, 9.0, 9.0), transmission=0.5, unlit=True)
+    image = shown(bare, square(), sky=(3.0, 2.0, 1.0))
+    assert np.abs(image.beauty - expected(use)[..., :3] * (0.5, 1.0, 0.25)).max() < 1e-3
+
+
+def test_weights_of_one_and_white_tints_change_nothing() -> None:
+    """A texture of ones makes kernels take the other way."""
+    ones = SourceTexture("ones", 2, 2, False, True, lambda: np.full((2, 2, 4), 255, np.uint8))
+    images = []
+    for use in (None, TextureUse(0)):
+        glossy = Material(
+            base_color=(0.7, 0.3, 0.2, 1.0), roughness=0.4, specular_texture=use, specular_color_texture=use,
+            transmission=0.4, transmission_texture=use,
+        )  # fmt: skip
+        rig = Rig(scene([[square()]], [glossy], [EYE], textures=[ones]), 4)
+        images.append(rig.render("voronoi", 1, width=SIDE, height=SIDE, samples=8, sky=(1.0, 1.0, 1.0)))
+    assert np.array_equal(images[0].radiance, images[1].radiance)
+
+
+def test_transmission_is_what_factor_and_texture_say() -> None:
+    """Of a black body nothing but the reflection and what passes is left; a second one says how much is reflected."""
+    use = TextureUse(0, nearest=True)
+    clear = Material(base_color=(1.0, 1.0, 1.0, 1.0), transmission=0.8, transmission_texture=use, ior=1.0)
+    image = shown(clear, square(), samples=512, depth=1, sky=(1.0, 1.0, 1.0))
+    assert np.abs(image.beauty[..., 0] - 0.8 * expected(use)[..., 0]).max() < 0.1
+    assert abs((image.beauty[..., 0] - 0.8 * expected(use)[..., 0]).mean()) < 0.01
+
+
 @pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
 @pytest.mark.parametrize("use", [USES[1], USES[2]])
 def test_mitsuba_shows_the_same(use: TextureUse) -> None:
@@ -104,3 +134,24 @@ def test_mitsuba_shows_the_same(use: TextureUse) -> None:
     whole = scene([[mesh]], [Material(base_color_texture=use)], [EYE], textures=[image_of(TEXELS)])
     image = KitRig(whole, load_renderer("mitsuba"), 4).render("voronoi", 1, width=SIDE, height=SIDE, samples=2)
     assert np.abs(image.layers["albedo"] - expected(use)[..., :3] * (0.5, 0.25, 1.0)).max() < 1e-4
+
+
+TINTED = Material(
+    base_color=(0.6, 0.3, 0.2, 1.0), roughness=0.6, specular=0.8, specular_color=(9.0, 2.0, 0.0),
+    specular_texture=TextureUse(0), specular_color_texture=TextureUse(0, 1),
+)  # fmt: skip
+CLEAR = Material(base_color=(0.9, 0.6, 0.3, 1.0), roughness=0.5, transmission=0.7, transmission_texture=TextureUse(0), specular=0.5)
+BARE = Material(base_color=(0.5, 1.0, 0.25, 1.0), base_color_texture=TextureUse(0), unlit=True)
+
+
+@pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
+@pytest.mark.parametrize("material", [TINTED, CLEAR, BARE], ids=["tinted", "clear", "unlit"])
+def test_mitsuba_agrees(material: Material) -> None:
+    """Under an even sky, pixel by pixel."""
+    whole = scene([[square()]], [material], [EYE], textures=[image_of(TEXELS)])
+    ours, theirs = (
+        KitRig(whole, load_renderer(name), 4).render("voronoi", 1, width=4, height=4, samples=1024, depth=3, sky=(1.0, 1.0, 1.0))
+        for name in ("embree", "mitsuba")
+    )
+    error = 5 * np.sqrt(ours.variance + theirs.variance) + 2e-3
+    assert (np.abs(ours.beauty - theirs.beauty) < error).all(), (ours.beauty - theirs.beauty, error)

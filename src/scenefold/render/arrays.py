@@ -67,7 +67,17 @@ class MaterialColumn:
     """3 columns; may pass 1."""
     VERTEX_ALPHA = 43
     """1: vertex colours may hide something of it, so it is in no light table unless it is opaque."""
-    WIDTH = 44
+    FEATURES = 44
+    """Bits of `Feature`, as a number: what most materials do without, and kernels ask for at once."""
+    WIDTH = 45
+
+
+class Feature:
+    """What of a material is not as in most."""
+
+    REFLECTION = 1
+    """Its dielectric reflection has a weight or a colour."""
+    UNLIT = 2
 
 
 class TextureUseColumn:

@@ -24,11 +24,25 @@ def luminance(r, g, b):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def fresnel_schlick(f0, cosine):  # type: ignore[no-untyped-def]
-    """Schlick's approximation of reflectance at an angle; glTF prescribes it."""
+def _grazing(cosine):  # type: ignore[no-untyped-def]
+    """(1 - cosine)^5."""
     m = min(max(1.0 - cosine, 0.0), 1.0)
     m2 = m * m
-    return f0 + (1.0 - f0) * (m2 * m2 * m)
+    return m2 * m2 * m
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def fresnel(f0, f90, cosine):  # type: ignore[no-untyped-def]
+    """Schlick's approximation of reflectance at an angle, from that at normal incidence and at grazing angles; glTF prescribes it."""
+    return f0 + (f90 - f0) * _grazing(cosine)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def dielectric_reflection(ior, weight, r, g, b):  # type: ignore[no-untyped-def]
+    """(red, green, blue at normal incidence, grazing) of KHR_materials_specular's weight and colour; 1 for both is a plain dielectric."""
+    ratio = (ior - 1.0) / (ior + 1.0)
+    f0 = ratio * ratio
+    return min(f0 * r, 1.0) * weight, min(f0 * g, 1.0) * weight, min(f0 * b, 1.0) * weight, weight
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -72,9 +86,10 @@ def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0_dielectric, transmission, choose_coat):  # type: ignore[no-untyped-def]
+def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, choose_coat):  # type: ignore[no-untyped-def]
     """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
 
+    reflection: the dielectric's reflectance at normal incidence, three colours, and at grazing angles.
     Both directions on the upper side, else all is 0; the straight-through lobe is a delta and no part of either.
     """
     hx, hy, hz = wox + wix, woy + wiy, woz + wiz
@@ -90,24 +105,28 @@ def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alp
     one, both = woz + root_o, root_o * wiz + root_i * woz
     common = a2 * (0.5 * INVERSE_PI) / (d * d * one * both)
     coat, coat_pdf = common * one, common * both
-    f_d = fresnel_schlick(f0_dielectric, cosine)
-    body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * INVERSE_PI
+    f0_r, f0_g, f0_b, f90 = reflection
+    grazing = _grazing(cosine)
+    d_r, d_g, d_b = f0_r + (f90 - f0_r) * grazing, f0_g + (f90 - f0_g) * grazing, f0_b + (f90 - f0_b) * grazing
+    # One colour's reflection takes no light from another's body: the strongest counts for all, as glTF has it.
+    body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - max(d_r, max(d_g, d_b))) * INVERSE_PI
     pdf = choose_coat * coat_pdf + (1.0 - choose_coat) * wiz * INVERSE_PI
     above = (woz > 0.0) & (wiz > 0.0)
     return (
-        select(above, body * base_r + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_r, cosine)), 0.0),
-        select(above, body * base_g + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_g, cosine)), 0.0),
-        select(above, body * base_b + coat * ((1.0 - metallic) * f_d + metallic * fresnel_schlick(base_b, cosine)), 0.0),
+        select(above, body * base_r + coat * ((1.0 - metallic) * d_r + metallic * (base_r + (1.0 - base_r) * grazing)), 0.0),
+        select(above, body * base_g + coat * ((1.0 - metallic) * d_g + metallic * (base_g + (1.0 - base_g) * grazing)), 0.0),
+        select(above, body * base_b + coat * ((1.0 - metallic) * d_b + metallic * (base_b + (1.0 - base_b) * grazing)), 0.0),
         select(above, pdf, 0.0),
     )
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def coat_probability(woz, base_r, base_g, base_b, metallic, f0_dielectric, transmission):  # type: ignore[no-untyped-def]
+def coat_probability(woz, base_r, base_g, base_b, metallic, reflection, transmission):  # type: ignore[no-untyped-def]
     """With which probability to sample the coat rather than the diffuse body: by their share of energy."""
-    f_d = fresnel_schlick(f0_dielectric, woz)
+    f0 = max(reflection[0], max(reflection[1], reflection[2]))
+    f_d = fresnel(f0, reflection[3], woz)
     lum = luminance(base_r, base_g, base_b)
-    coat = (1.0 - metallic) * f_d + metallic * fresnel_schlick(lum, woz)
+    coat = (1.0 - metallic) * f_d + metallic * fresnel(lum, 1.0, woz)
     body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * lum
     total = coat + body
     return select((total > 1e-12) & (body > 0.0), min(max(coat / total, 0.1), 1.0), 1.0)

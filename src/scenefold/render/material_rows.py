@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenefold.render.arrays import F64, MaterialColumn, TextureUseColumn
-from scenefold.scene.payloads.materials import TEXTURE_SLOTS
+from scenefold.render.arrays import F64, Feature, MaterialColumn, TextureUseColumn
+from scenefold.scene.payloads.materials import TEXTURE_SLOTS, Material
 from scenefold.scene.payloads.texture_uses import TextureUse
 from scenefold.scene.tables import SceneTables
 
@@ -52,7 +52,7 @@ assert set(USE_COLUMNS) == set(TEXTURE_SLOTS)
 def material_rows(tables: SceneTables) -> tuple[F64, F64]:
     """`SceneArrays.materials` and `SceneArrays.texture_uses`: uses that are alike are one row.
 
-    Emission is rounded to f32, as the light table has it.
+    Emission is rounded to f32, as the light table has it. Of an unlit material only the base colour and alpha are left.
     """
     numbers: dict[TextureUse, int] = {}
     rows = np.zeros((max(len(tables.materials), 1), MaterialColumn.WIDTH))
@@ -67,7 +67,17 @@ def material_rows(tables: SceneTables) -> tuple[F64, F64]:
         for slot, column in USE_COLUMNS.items():
             use = material.texture(slot)
             row[column] = -1 if use is None else numbers.setdefault(use, len(numbers))
+        row[MaterialColumn.FEATURES] = _features(material)
+        if material.unlit:
+            row[MaterialColumn.TRANSMISSION] = 0.0
+            row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] = row[MaterialColumn.EMISSIVE : MaterialColumn.EMISSIVE + 3] = 0.0
     uses = np.zeros((max(len(numbers), 1), TextureUseColumn.WIDTH))
     for use, number in numbers.items():
         uses[number] = (use.texture, use.wrap_s, use.wrap_t, use.nearest, use.uv_set, *use.transform)
     return rows, uses
+
+
+def _features(material: Material) -> int:
+    tints = material.specular != 1.0 or material.specular_color != (1.0, 1.0, 1.0)
+    reflects = tints or material.specular_texture is not None or material.specular_color_texture is not None
+    return Feature.REFLECTION * reflects | Feature.UNLIT * material.unlit

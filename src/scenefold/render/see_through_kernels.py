@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 
 from scenefold.render.arrays import MaterialColumn
-from scenefold.render.bsdf_kernels import fresnel_schlick
+from scenefold.render.bsdf_kernels import dielectric_reflection, fresnel
 from scenefold.render.precise_kernels import mix64
 from scenefold.render.texture_kernels import sample_use
 
@@ -38,6 +38,12 @@ _BASE, _METALLIC, _TRANSMISSION, _IOR = (
 )
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 _BASE_USE, _MR_USE = MaterialColumn.BASE_USE, MaterialColumn.METALLIC_ROUGHNESS_USE
+_TRANSMISSION_USE, _SPECULAR_USE, _SPECULAR_COLOR_USE = (
+    MaterialColumn.TRANSMISSION_USE,
+    MaterialColumn.SPECULAR_USE,
+    MaterialColumn.SPECULAR_COLOR_USE,
+)
+_SPECULAR, _SPECULAR_COLOR = MaterialColumn.SPECULAR, MaterialColumn.SPECULAR_COLOR
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -68,10 +74,9 @@ def is_surely_opaque(mode, cutoff, alpha, base_use, vertex_alpha):  # type: igno
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def passed_share(transmission, ior, metallic, cosine):  # type: ignore[no-untyped-def]
+def passed_share(transmission, reflection, metallic, cosine):  # type: ignore[no-untyped-def]
     """q: how much of the light that meets the surface at this cosine passes straight on, before tint (lanes, or numbers)."""
-    ratio = (ior - 1.0) / (ior + 1.0)
-    return transmission * (1.0 - metallic) * (1.0 - fresnel_schlick(ratio * ratio, cosine))
+    return transmission * (1.0 - metallic) * (1.0 - fresnel(max(reflection[0], max(reflection[1], reflection[2])), reflection[3], cosine))
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -112,8 +117,11 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     i0, i1, i2 = scene.triangles[triangle, 0], scene.triangles[triangle, 1], scene.triangles[triangle, 2]
     r, g, b, alpha, metallic = row[_BASE], row[_BASE + 1], row[_BASE + 2], row[_BASE + 3], row[_METALLIC]
     w = 1.0 - u - v
-    base, rough = int(row[_BASE_USE]), int(row[_MR_USE])
-    if base >= 0 or rough >= 0:
+    base, rough, clear = int(row[_BASE_USE]), int(row[_MR_USE]), int(row[_TRANSMISSION_USE])
+    weights, tints = int(row[_SPECULAR_USE]), int(row[_SPECULAR_COLOR_USE])
+    transmission, weight = float(row[_TRANSMISSION]), float(row[_SPECULAR])
+    sr, sg, sb = float(row[_SPECULAR_COLOR]), float(row[_SPECULAR_COLOR + 1]), float(row[_SPECULAR_COLOR + 2])
+    if base >= 0 or rough >= 0 or clear >= 0 or weights >= 0 or tints >= 0:
         tu = w * scene.uvs[i0, 0] + u * scene.uvs[i1, 0] + v * scene.uvs[i2, 0]
         tv = w * scene.uvs[i0, 1] + u * scene.uvs[i1, 1] + v * scene.uvs[i2, 1]
         tu2, tv2 = tu, tv
@@ -126,6 +134,15 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
         if rough >= 0:
             _, _, tb, _ = sample_use(scene, rough, tu, tv, tu2, tv2)
             metallic *= tb
+        if clear >= 0:
+            tr, _, _, _ = sample_use(scene, clear, tu, tv, tu2, tv2)
+            transmission *= tr
+        if weights >= 0:
+            _, _, _, ta = sample_use(scene, weights, tu, tv, tu2, tv2)
+            weight *= ta
+        if tints >= 0:
+            tr, tg, tb, _ = sample_use(scene, tints, tu, tv, tu2, tv2)
+            sr, sg, sb = sr * tr, sg * tg, sb * tb
     if scene.has_colors:
         c = scene.colors
         r *= w * c[i0, 0] + u * c[i1, 0] + v * c[i2, 0]
@@ -133,9 +150,9 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
         b *= w * c[i0, 2] + u * c[i1, 2] + v * c[i2, 2]
         alpha *= w * c[i0, 3] + u * c[i1, 3] + v * c[i2, 3]
     a = opacity(row, alpha)
-    if not row[_TRANSMISSION] > 0.0:
+    if not transmission > 0.0:
         return 1.0 - a, 1.0 - a, 1.0 - a
-    passed = a * passed_share(row[_TRANSMISSION], row[_IOR], metallic, cosine)
+    passed = a * passed_share(transmission, dielectric_reflection(float(row[_IOR]), weight, sr, sg, sb), metallic, cosine)
     return 1.0 - a + passed * r, 1.0 - a + passed * g, 1.0 - a + passed * b
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_POINT_SHADOW, KIND_SHADOW, PDF_DELTA
-from scenefold.render.arrays import MaterialColumn
+from scenefold.render.arrays import Feature, MaterialColumn
 from scenefold.render.bsdf_kernels import (
     coat_probability,
     evaluate,
@@ -63,13 +63,15 @@ COUNT_SHADOW_RAYS = 0
 COUNT_NOT_FINITE = 1
 COUNT_CLAMPED = 2
 
+_UNLIT = np.uint32(Feature.UNLIT)
+
 _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
     MaterialColumn.BASE,
     MaterialColumn.METALLIC,
     MaterialColumn.ROUGHNESS,
     MaterialColumn.EMISSION,
 )
-_TRANSMISSION, _IOR, _DOUBLE_SIDED = MaterialColumn.TRANSMISSION, MaterialColumn.IOR, MaterialColumn.DOUBLE_SIDED
+_DOUBLE_SIDED = MaterialColumn.DOUBLE_SIDED
 _BASE_USE, _VERTEX_ALPHA = MaterialColumn.BASE_USE, MaterialColumn.VERTEX_ALPHA
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 
@@ -190,7 +192,9 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     reach = reach_at(scene, triangle, instance)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
-    base_r, base_g, base_b, metallic, alpha = material_at(scene, material, triangle, u, v, tu, tv, scratch)
+    base_r, base_g, base_b, metallic, alpha, reflection, transmission, features = material_at(
+        scene, material, triangle, u, v, tu, tv, scratch
+    )
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
     front = facing > 0.0
@@ -212,10 +216,9 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     # What the caster's filter lets pass is not shaded; what is shaded stands for the rest (see_through_kernels).
     r, g, b = decode_color(ray.color_low, ray.color_high)
     through, tint_r, tint_g, tint_b = alike(0.0, px), alike(0.0, px), alike(0.0, px), alike(0.0, px)
-    transmission, ior = gather(rows, (material, _TRANSMISSION)), gather(rows, (material, _IOR))
     clear = (transmission > 0.0) & (metallic < 1.0)
     if any_lane(clear):
-        share = passed_share(transmission, ior, metallic, facing)
+        share = passed_share(transmission, reflection, metallic, facing)
         least, most = min(base_r, min(base_g, base_b)), max(base_r, max(base_g, base_b))
         left = 1.0 - share * least
         live = live & (opposite(clear) | (left > 1e-6))
@@ -251,19 +254,21 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
             g * emission_g * weight,
             b * emission_b * weight,
         )
+    unlit = live & ((features & _UNLIT) != np.uint32(0))
+    if any_lane(unlit):
+        _add_lanes(job, sums, counters, scratch, unlit, ray.path, ray.bounce, r * base_r, g * base_g, b * base_b)
+        live = live & opposite(unlit)
     live = live & (ray.bounce + np.uint32(1) < np.uint32(job.depth))
     if not any_lane(live):
         return made
 
     pixel, sample = pixels_of(job, first_path, ray.path, scratch)
     dice = dice_of(job, pixel, sample, ray.bounce)
-    ratio = (ior - 1.0) / (ior + 1.0)
-    f0 = ratio * ratio
     ax, ay, az, bx, by, bz = frame_of(sx, sy, sz)
     wox = -(dx * ax + dy * ay + dz * az)
     woy = -(dx * bx + dy * by + dz * bz)
     woz = -(dx * sx + dy * sy + dz * sz)
-    coat = coat_probability(woz, base_r, base_g, base_b, metallic, f0, transmission)
+    coat = coat_probability(woz, base_r, base_g, base_b, metallic, reflection, transmission)
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, reach)
 
     # A shadow ray towards one light sample.
@@ -271,7 +276,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     found = live & found & (wx * gx + wy * gy + wz * gz > 0.0)
     if any_lane(found):
         wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
-        vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0, transmission, coat)
+        vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, coat)
         quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
         finite = light_pdf > 0.0
         weight = wiz * select(finite, _power_weight(light_pdf, quantised), 1.0)
@@ -307,7 +312,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     # From here on the direction is what its code says: the density too is that of the coded direction.
     wx, wy, wz = decode_direction(code_u, code_v)
     wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
-    vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, f0, transmission, coat)
+    vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, coat)
     pdf = pdf * (1.0 - through)
     live = live & (straight | (above & (wx * gx + wy * gy + wz * gz > 0.0) & (pdf > 0.0)))
     weight = wiz / pdf

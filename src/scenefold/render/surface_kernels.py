@@ -3,19 +3,46 @@
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from scenefold.render.arrays import MaterialColumn
-from scenefold.render.bsdf_kernels import ALPHA_MIN
-from scenefold.render.lane_values_kernels import alike, any_lane, gather, put, select, take
+from scenefold.render.arrays import Feature, MaterialColumn
+from scenefold.render.bsdf_kernels import ALPHA_MIN, dielectric_reflection
+from scenefold.render.lane_values_kernels import alike, any_lane, gather, put, select, take, whole_of_real
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.space_kernels import longest_side
 from scenefold.render.texture_kernels import sample_use
 
 _BASE, _METALLIC, _ROUGHNESS = MaterialColumn.BASE, MaterialColumn.METALLIC, MaterialColumn.ROUGHNESS
 _BASE_USE, _MR_USE = MaterialColumn.BASE_USE, MaterialColumn.METALLIC_ROUGHNESS_USE
+_REFLECTION = np.uint32(Feature.REFLECTION)
+_IOR, _FEATURES = MaterialColumn.IOR, MaterialColumn.FEATURES
+_TRANSMISSION, _TRANSMISSION_USE = MaterialColumn.TRANSMISSION, MaterialColumn.TRANSMISSION_USE
+_SPECULAR, _SPECULAR_COLOR, _SPECULAR_USE, _SPECULAR_COLOR_USE = (
+    MaterialColumn.SPECULAR,
+    MaterialColumn.SPECULAR_COLOR,
+    MaterialColumn.SPECULAR_USE,
+    MaterialColumn.SPECULAR_COLOR_USE,
+)
+
+
+class Surface(NamedTuple):
+    """A material at a point, in lanes."""
+
+    r: Any
+    """Base colour, linear."""
+    g: Any
+    b: Any
+    metallic: Any
+    alpha: Any
+    """Of GGX: roughness squared."""
+    reflection: Any
+    """Reflectance of the dielectric at normal incidence, three colours, and at grazing angles."""
+    transmission: Any
+    features: Any
+    """Words: bits of `Feature`."""
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -138,7 +165,7 @@ def _texture(scene, material, column, places, scratch):  # type: ignore[no-untyp
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def material_at(scene, material, triangle, u, v, tu, tv, scratch):  # type: ignore[no-untyped-def]
-    """Base colour, metallic and GGX alpha, with textures and vertex colours applied, at barycentric (u, v) of a triangle."""
+    """The `Surface` at barycentric (u, v) of a triangle, with textures and vertex colours applied."""
     rows = scene.materials
     tu2, tv2 = _second_coordinates(scene, triangle, u, v, tu, tv)
     places = (tu, tv, tu2, tv2)
@@ -149,4 +176,18 @@ def material_at(scene, material, triangle, u, v, tu, tv, scratch):  # type: igno
         r, g, b = r * cr, g * cg, b * cb
     _, tg, tb, _ = _texture(scene, material, _MR_USE, places, scratch)
     roughness, metallic = gather(rows, (material, _ROUGHNESS)) * tg, gather(rows, (material, _METALLIC)) * tb
-    return r, g, b, metallic, max(roughness * roughness, ALPHA_MIN)
+    features = whole_of_real(gather(rows, (material, _FEATURES)))
+    one = alike(1.0, u)
+    reflection = dielectric_reflection(gather(rows, (material, _IOR)), one, one, one, one)
+    if any_lane((features & _REFLECTION) != np.uint32(0)):
+        _, _, _, weight = _texture(scene, material, _SPECULAR_USE, places, scratch)
+        tr, tg, tb, _ = _texture(scene, material, _SPECULAR_COLOR_USE, places, scratch)
+        reflection = dielectric_reflection(
+            gather(rows, (material, _IOR)), weight * gather(rows, (material, _SPECULAR)), tr * gather(rows, (material, _SPECULAR_COLOR)),
+            tg * gather(rows, (material, _SPECULAR_COLOR + 1)), tb * gather(rows, (material, _SPECULAR_COLOR + 2)),
+        )  # fmt: skip
+    transmission = gather(rows, (material, _TRANSMISSION))
+    if any_lane(transmission > 0.0):
+        tr, _, _, _ = _texture(scene, material, _TRANSMISSION_USE, places, scratch)
+        transmission = transmission * tr
+    return Surface(r, g, b, metallic, max(roughness * roughness, ALPHA_MIN), reflection, transmission, features)

@@ -80,6 +80,7 @@ _frame, _cosine, _normal, _evaluate, _coat = (
     bsdf_kernels.coat_probability,
 )
 _span, _offset = space_kernels.box_span, space_kernels.offset_origin
+_reflection = bsdf_kernels.dielectric_reflection
 _passed, _opaque = see_through_kernels.passed_share, see_through_kernels.is_surely_opaque
 BOX_LOW, BOX_HIGH = np.array([-1.0, 0.25, -3.0]), np.array([2.0, 0.75, 0.5])
 
@@ -189,8 +190,10 @@ def surfaces(a, b, c, d, w, v):
     ix, iy, iz = _cosine(c, d)
     alpha = max(a * a, 1e-3)
     hx, hy, hz = _normal(wx, wy, wz, alpha, c, d)
-    coat = _coat(wz, a, b, c, d, 0.04, _select(b < 0.5, 0.0, b))
-    r, g, b_, pdf = _evaluate(wx, wy, wz, ix, iy, iz, a, b, c, d, alpha, 0.04, _select(b < 0.5, 0.0, b), coat)
+    coat = _coat(wz, a, b, c, d, (0.04 + 0.5 * a, 0.04, 0.5 * b, 1.0 - a * c), _select(b < 0.5, 0.0, b))
+    r, g, b_, pdf = _evaluate(
+        wx, wy, wz, ix, iy, iz, a, b, c, d, alpha, (0.04 + 0.5 * a, 0.04, 0.5 * b, 1.0 - a * c), _select(b < 0.5, 0.0, b), coat
+    )
     return hx, hy, hz, coat, r, g, b_, pdf
 
 
@@ -203,7 +206,7 @@ def spaces(a, b, c, d, w, v):
     ax, ay, az, _, _, _ = _frame(x, y, z)
     t_in, t_out = _span(a * 4.0 - 2.0, b, c * 5.0 - 3.0, x, y, z, BOX_LOW, BOX_HIGH)
     ox, oy, _ = _offset(a, b, c, x, y, z, 3.0)
-    shown = _passed(b, 1.0 + c, d, a) + _select(
+    shown = _passed(b, _reflection(1.0 + c, d, a, b, c), d, a) + _select(
         _opaque(_rounded_down(a * 3.0), 0.5, b, _rounded_down(c * 2.0) - 1.0, _rounded_down(d * 2.0)), 1.0, 0.0
     )
     return ax, ay, az, t_in, t_out, ox, oy, shown

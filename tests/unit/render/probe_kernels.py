@@ -144,7 +144,7 @@ def frames(normals: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def evaluations(wo: Any, wi: Any, base: Any, metallic: Any, alpha: Any, f0: Any, transmission: Any, choose_coat: Any) -> Any:
+def evaluations(wo: Any, wi: Any, base: Any, metallic: Any, alpha: Any, reflection: Any, transmission: Any, choose_coat: Any) -> Any:
     """f64[n, 4]: value and density for directions f64[n, 3], towards f64[n, 3]."""
     out = np.empty((wi.shape[0], 4))
     for i in range(wi.shape[0]):
@@ -160,7 +160,7 @@ def evaluations(wo: Any, wi: Any, base: Any, metallic: Any, alpha: Any, f0: Any,
             base[2],
             metallic,
             alpha,
-            f0,
+            reflection,
             transmission,
             choose_coat,
         )

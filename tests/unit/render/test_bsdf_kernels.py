@@ -21,7 +21,7 @@ class Surface:
     base: tuple[float, float, float] = (0.8, 0.5, 0.2)
     metallic: float = 0.0
     alpha: float = 1.0
-    f0: float = 0.04
+    reflection: tuple[float, float, float, float] = (0.04, 0.04, 0.04, 1.0)
     transmission: float = 0.0
     coat: float = 0.5
 
@@ -29,7 +29,7 @@ class Surface:
         """Value and density, f64[n, 4]."""
         wo = np.ascontiguousarray(np.broadcast_to(wo, wi.shape))
         found: Floats = probe.evaluations(
-            wo, np.ascontiguousarray(wi), np.array(self.base), self.metallic, self.alpha, self.f0, self.transmission, self.coat
+            wo, np.ascontiguousarray(wi), np.array(self.base), self.metallic, self.alpha, self.reflection, self.transmission, self.coat
         )
         return found
 
@@ -46,6 +46,7 @@ SURFACES = {
     "rough metal": Surface(base=(1.0, 1.0, 1.0), metallic=1.0, alpha=1.0, coat=1.0),
     "half metal": Surface(base=(1.0, 1.0, 1.0), metallic=0.5, alpha=0.5),
     "white": Surface(base=(1.0, 1.0, 1.0), alpha=0.04, coat=0.3),
+    "tinted": Surface(base=(1.0, 1.0, 1.0), alpha=0.5, reflection=(0.02, 0.5, 0.2, 0.7)),
     "glass": Surface(base=(1.0, 1.0, 1.0), alpha=0.3, transmission=0.9, coat=0.7),
 }
 ANGLES = (0.02, 0.6, 1.2, 1.5)

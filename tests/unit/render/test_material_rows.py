@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
-from scenefold.render.arrays import MaterialColumn, TextureUseColumn
+from scenefold.render.arrays import Feature, MaterialColumn, TextureUseColumn
 from scenefold.render.material_rows import USE_COLUMNS, material_rows
 from scenefold.scene.payloads.materials import TEXTURE_SLOTS, AlphaMode, Material, TextureUse, Wrap
 
@@ -28,7 +28,7 @@ def test_factors_stand_in_their_columns() -> None:
         Material(
             base_color=(0.1, 0.2, 0.3, 0.4), emissive=(2.0, 4.0, 6.0), emissive_mean=(0.5, 0.5, 0.5), emissive_texture=TextureUse(1),
             clearcoat=0.5, clearcoat_roughness=0.25, specular=0.75, specular_color=(1.0, 2.0, 3.0), thickness=2.0,
-            attenuation_distance=3.0, attenuation_color=(0.3, 0.2, 0.1), unlit=True, alpha_mode=AlphaMode.BLEND, ior=1.25,
+            attenuation_distance=3.0, attenuation_color=(0.3, 0.2, 0.1), alpha_mode=AlphaMode.BLEND, ior=1.25,
         )
     )  # fmt: skip
     assert row[MaterialColumn.BASE : MaterialColumn.BASE + 4].tolist() == [0.1, 0.2, 0.3, 0.4]
@@ -36,10 +36,8 @@ def test_factors_stand_in_their_columns() -> None:
     assert row[MaterialColumn.EMISSIVE : MaterialColumn.EMISSIVE + 3].tolist() == [2.0, 4.0, 6.0]
     assert row[MaterialColumn.SPECULAR_COLOR : MaterialColumn.SPECULAR_COLOR + 3].tolist() == [1.0, 2.0, 3.0]
     assert row[MaterialColumn.ATTENUATION_COLOR : MaterialColumn.ATTENUATION_COLOR + 3].tolist() == [0.3, 0.2, 0.1]
-    found = {
-        name: row[getattr(MaterialColumn, name)] for name in ("CLEARCOAT", "CLEARCOAT_ROUGHNESS", "SPECULAR", "THICKNESS", "UNLIT", "IOR")
-    }
-    assert found == {"CLEARCOAT": 0.5, "CLEARCOAT_ROUGHNESS": 0.25, "SPECULAR": 0.75, "THICKNESS": 2.0, "UNLIT": 1.0, "IOR": 1.25}
+    found = {name: row[getattr(MaterialColumn, name)] for name in ("CLEARCOAT", "CLEARCOAT_ROUGHNESS", "SPECULAR", "THICKNESS", "IOR")}
+    assert found == {"CLEARCOAT": 0.5, "CLEARCOAT_ROUGHNESS": 0.25, "SPECULAR": 0.75, "THICKNESS": 2.0, "IOR": 1.25}
     assert row[MaterialColumn.ATTENUATION_DISTANCE] == 3.0 and row[MaterialColumn.ALPHA_MODE] == 2.0
     (clear,), uses = rows_of(Material())
     assert clear[MaterialColumn.ATTENUATION_DISTANCE] == math.inf and uses.shape == (1, TextureUseColumn.WIDTH)
@@ -54,3 +52,10 @@ def test_each_slot_names_its_use_and_alike_ones_are_one() -> None:
     assert uses[0].tolist() == [7, 1, 2, 1, 1, *MOVED]
     named = [uses[int(rows[1, USE_COLUMNS[slot]]), TextureUseColumn.TEXTURE] for slot in TEXTURE_SLOTS]
     assert named == list(range(len(TEXTURE_SLOTS))) and len(uses) == len(TEXTURE_SLOTS) + 1
+
+
+def test_what_is_unlit_has_no_light_and_no_glass() -> None:
+    (row, plain), _ = rows_of(Material(unlit=True, emissive=(1.0, 1.0, 1.0), transmission=1.0), Material())
+    assert row[MaterialColumn.UNLIT] == 1 and row[MaterialColumn.FEATURES] == Feature.UNLIT and plain[MaterialColumn.FEATURES] == 0
+    assert not row[[MaterialColumn.EMISSION, MaterialColumn.EMISSIVE, MaterialColumn.TRANSMISSION]].any()
+    assert not Material(unlit=True, emissive=(1.0, 1.0, 1.0)).is_sampled_light

@@ -36,8 +36,4 @@ def test_what_is_kept_for_later_is_named_once_with_its_number() -> None:
         "emissive textures, rendered as their mean (1)",
         "insides of glass, kept but not rendered yet (1)",
         "normal maps, kept but not rendered yet (2)",
-        "occlusion maps, kept but not rendered yet (1)",
-        "specular weights and colours, kept but not rendered yet (1)",
-        "transmission textures, kept but not rendered yet (1)",
-        "unlit materials, kept but not rendered yet (1)",
     ]

@@ -115,7 +115,7 @@ class Material:
 
     @property
     def shines(self) -> bool:
-        return any(channel > 0 for channel in self.mean_emissive)
+        return not self.unlit and any(channel > 0 for channel in self.mean_emissive)
 
     @property
     def is_sampled_light(self) -> bool:

@@ -1,6 +1,7 @@
 """glTF's metallic-roughness surface as a Mitsuba BSDF, written from the formulas of glTF 2.0, appendix B.
 
-    dielectric = mix(diffuse, specular, F_d)      F_d = f0 + (1 - f0)(1 - V.H)^5,  f0 = ((ior - 1) / (ior + 1))^2
+    dielectric = mix(diffuse, specular, F_d)      F_d = f0 + (1 - f0)(1 - V.H)^5,  f0 = ((ior - 1) / (ior + 1))^2,
+                 with KHR_materials_specular f0 = min(f0 tint, 1) weight, weight in place of 1, and of 1 - F_d the least channel
     metal      = specular (c + (1 - c)(1 - V.H)^5)
     material   = mix(dielectric, metal, metallic)
     diffuse    = c / pi,   specular = V D: GGX, height-correlated Smith, alpha = roughness^2
@@ -61,19 +62,23 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             s = dr.select(dr.dot(s, towards) <= _HIDDEN, n, s)
             return mi.Frame3f(s), n, towards
 
-        def _fresnel(self, f0: Any, cosine: Any) -> Any:
+        def _fresnel(self, f0: Any, cosine: Any, f90: Any = 1.0) -> Any:
             m = dr.clip(1.0 - cosine, 0.0, 1.0)
-            return f0 + (1.0 - f0) * (m * m) * (m * m) * m
+            return f0 + (f90 - f0) * (m * m) * (m * m) * m
 
-        def _f0(self) -> Any:
-            return dr.square((self.looks.ior - 1.0) / (self.looks.ior + 1.0))
+        def _dielectric(self, si: Any, cosine: Any, active: Any) -> Any:
+            """F_d, Color3f."""
+            weight, tint = self.looks.specular(si, active)
+            f0 = dr.square((self.looks.ior - 1.0) / (self.looks.ior + 1.0))
+            return self._fresnel(dr.minimum(f0 * tint, 1.0) * weight, cosine, weight)
 
         def _passing(self, si: Any, active: Any) -> Any:
             """What passes straight on, Color3f."""
             base, opacity = self.looks.base(si, active), self.looks.opacity(si, active)
             _, metallic = self.looks.roughness_metallic(si, active)
             _, n, towards = self._frame(si)
-            q = self.looks.transmission * (1.0 - metallic) * (1.0 - self._fresnel(self._f0(), dr.dot(n, towards)))
+            f_d = dr.max(self._dielectric(si, dr.dot(n, towards), active))
+            q = self.looks.transmission(si, active) * (1.0 - metallic) * (1.0 - f_d)
             return 1.0 - opacity + opacity * q * base
 
         def _chances(self, si: Any, active: Any, v: Any) -> tuple[Any, Any]:
@@ -81,9 +86,9 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             base = mi.luminance(self.looks.base(si, active))
             _, metallic = self.looks.roughness_metallic(si, active)
             straight = dr.clip(dr.mean(self._passing(si, active)), 0.0, 1.0) if self.looks.may_pass else mi.Float(0.0)
-            f_d = self._fresnel(self._f0(), v.z)
+            f_d = dr.max(self._dielectric(si, v.z, active))
             specular = (1.0 - metallic) * f_d + metallic * self._fresnel(base, v.z)
-            diffuse = (1.0 - metallic) * (1.0 - self.looks.transmission) * (1.0 - f_d) * base
+            diffuse = (1.0 - metallic) * (1.0 - self.looks.transmission(si, active)) * (1.0 - f_d) * base
             share = dr.select(diffuse > 1e-9, dr.clip(specular / (specular + diffuse), 0.15, 0.95), 1.0)
             return straight, share
 
@@ -105,11 +110,13 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             # Smith's height-correlated visibility, V of the appendix, is G2 / (4 N.L N.V).
             visibility = 0.5 / (l.z * dr.sqrt(dr.square(v.z) * (1.0 - a2) + a2) + v.z * dr.sqrt(dr.square(l.z) * (1.0 - a2) + a2))
             specular = visibility * d
-            f_d = self._fresnel(self._f0(), cosine)
-            diffuse = (1.0 - f_d) * (1.0 - self.looks.transmission) * base * dr.inv_pi
+            f_d = self._dielectric(si, cosine, active)
+            diffuse = (1.0 - dr.max(f_d)) * (1.0 - self.looks.transmission(si, active)) * base * dr.inv_pi
             value = (1.0 - metallic) * (diffuse + f_d * specular) + metallic * specular * self._fresnel(base, cosine)
             straight, share = self._chances(si, active, v)
             density = share * distribution.pdf(v, h) / (4.0 * cosine) + (1.0 - share) * l.z * dr.inv_pi
+            if self.looks.unlit:
+                value = mi.Color3f(0.0)
             return dr.select(good, value * opacity * l.z, 0.0), dr.select(good, (1.0 - straight) * density, 0.0)
 
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:

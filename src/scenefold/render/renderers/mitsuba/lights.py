@@ -69,10 +69,11 @@ def _surface_class(mitsuba: Mitsuba) -> Any:
 
         def _seen(self, cosine: Any) -> Any:
             """Whether the side is lit that is seen at this cosine to the geometric normal."""
-            return dr.abs(cosine) > 0.0 if self._looks.double_sided else cosine > 0.0
+            return dr.abs(cosine) > 0.0 if self._looks.double_sided or self._looks.unlit else cosine > 0.0
 
         def _radiance(self, si: Any, active: Any) -> Any:
-            return dr.select(active, self._looks.radiance * self._looks.opacity(si, active), 0.0)
+            radiance = self._looks.base(si, active) if self._looks.unlit else self._looks.radiance
+            return dr.select(active, radiance * self._looks.opacity(si, active), 0.0)
 
         def _at(self, ds: Any) -> Any:
             si = dr.zeros(mi.SurfaceInteraction3f)
@@ -85,6 +86,8 @@ def _surface_class(mitsuba: Mitsuba) -> Any:
 
         def sample_direction(self, it: Any, sample: Any, active: Any = True) -> tuple[Any, Any]:
             """See `mi.Emitter`."""
+            if self._looks.only_met:
+                return dr.zeros(mi.DirectionSample3f), mi.Color3f(0.0)
             ds = self.get_shape().sample_direction(it, sample, active)
             active = active & (ds.pdf > 0.0) & self._seen(-dr.dot(ds.d, ds.n))
             ds.emitter = mi.EmitterPtr(self) if mitsuba.is_wavefront else self
@@ -92,6 +95,8 @@ def _surface_class(mitsuba: Mitsuba) -> Any:
 
         def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
             """See `mi.Emitter`."""
+            if self._looks.only_met:
+                return mi.Float(0.0)
             return dr.select(active & self._seen(-dr.dot(ds.d, ds.n)), self.get_shape().pdf_direction(it, ds, active), 0.0)
 
         def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:

@@ -26,11 +26,25 @@ class Looks:
         self._roughness = mi.Float(float(row[MaterialColumn.ROUGHNESS]))
         self._cutoff = mi.Float(float(row[MaterialColumn.ALPHA_CUTOFF]))
         self.radiance = mi.Color3f(*(float(value) for value in row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3]))
-        self.transmission = mi.Float(float(row[MaterialColumn.TRANSMISSION]))
+        self._transmission = mi.Float(float(row[MaterialColumn.TRANSMISSION]))
+        self._specular = mi.Float(float(row[MaterialColumn.SPECULAR]))
+        self._tint = mi.Color3f(*(float(value) for value in row[MaterialColumn.SPECULAR_COLOR : MaterialColumn.SPECULAR_COLOR + 3]))
+        self.unlit = row[MaterialColumn.UNLIT] != 0.0
         self.ior = mi.Float(float(row[MaterialColumn.IOR]))
-        for value in (self._color, self._alpha, self._metallic, self._roughness, self._cutoff, self.radiance, self.transmission, self.ior):
+        for value in (
+            self._color,
+            self._alpha,
+            self._metallic,
+            self._roughness,
+            self._cutoff,
+            self.radiance,
+            self._transmission,
+            self._specular,
+            self._tint,
+            self.ior,
+        ):
             dr.make_opaque(value)
-        self.shines = bool((row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] > 0.0).any())
+        self.shines = self.unlit or bool((row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] > 0.0).any())
         self.double_sided = row[MaterialColumn.DOUBLE_SIDED] != 0.0
         self._mode = float(row[MaterialColumn.ALPHA_MODE])
         wholly_metal = row[MaterialColumn.METALLIC] >= 1.0 and row[MaterialColumn.METALLIC_ROUGHNESS_USE] < 0
@@ -39,18 +53,26 @@ class Looks:
         self._base = _Read.of(mitsuba, arrays, base, slice(0, 3))
         self._base_alpha = _Read.of(mitsuba, arrays, base, slice(3, 4)) if self._mode else None
         self._rough = _Read.of(mitsuba, arrays, rough, slice(0, 3))
+        self._clear = _Read.of(mitsuba, arrays, int(row[MaterialColumn.TRANSMISSION_USE]), slice(0, 3))
+        self._weight = _Read.of(mitsuba, arrays, int(row[MaterialColumn.SPECULAR_USE]), slice(3, 4))
+        self._tints = _Read.of(mitsuba, arrays, int(row[MaterialColumn.SPECULAR_COLOR_USE]), slice(0, 3))
+        self._reads = [
+            read for read in (self._base, self._base_alpha, self._rough, self._clear, self._weight, self._tints) if read is not None
+        ]
         self.coloured = arrays.has_colors
         """Whether its meshes have the attributes vertex_color and vertex_alpha."""
+        self.only_met = self.unlit or bool(self._mode and self.coloured)
+        """Whether its light is for rays that meet it: a sample of a light has no attributes of vertices."""
 
     @property
     def textured(self) -> bool:
         """Whether its meshes need texture coordinates."""
-        return self._base is not None or self._rough is not None
+        return bool(self._reads)
 
     @property
     def reads_second_set(self) -> bool:
         """Whether its meshes need the attribute vertex_second: u, v, 0."""
-        return any(read is not None and read.second_set for read in (self._base, self._base_alpha, self._rough))
+        return any(read.second_set for read in self._reads)
 
     def base(self, si: Any, active: Any) -> Any:
         """Color3f, linear."""
@@ -63,6 +85,15 @@ class Looks:
             return self._roughness, self._metallic
         texel = self._rough.eval(si, active)
         return self._roughness * texel.y, self._metallic * texel.z
+
+    def transmission(self, si: Any, active: Any) -> Any:
+        """Float, with red of its texture."""
+        return self._transmission if self._clear is None else self._transmission * self._clear.eval(si, active).x
+
+    def specular(self, si: Any, active: Any) -> tuple[Any, Any]:
+        """Weight and tint of the dielectric's reflection."""
+        weight = self._specular if self._weight is None else self._specular * self._weight.eval_1(si, active)
+        return weight, self._tint if self._tints is None else self._tint * self._tints.eval(si, active)
 
     def opacity(self, si: Any, active: Any) -> Any:
         """What alpha and its mode make of it, 0 to 1."""
