@@ -17,6 +17,7 @@ from scenefold.render.contract import load_renderer
 from scenefold.render.kit.rig import Rig as KitRig
 from scenefold.render.renderers.mitsuba import library
 from scenefold.scene.importers.source import MeshPart, SourceTexture
+from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.payloads.materials import AlphaMode, Material
 from scenefold.scene.payloads.texture_uses import TextureUse, Wrap
 
@@ -122,6 +123,68 @@ def test_transmission_is_what_factor_and_texture_say() -> None:
     image = shown(clear, square(), samples=512, depth=1, sky=(1.0, 1.0, 1.0))
     assert np.abs(image.beauty[..., 0] - 0.8 * expected(use)[..., 0]).max() < 0.1
     assert abs((image.beauty[..., 0] - 0.8 * expected(use)[..., 0]).mean()) < 0.01
+
+
+NORMALS = np.zeros((4, 4, 4), np.uint8)
+"""Tilted by 0.6 along u and 0.3 against v, each to either side; the third row stands upright."""
+NORMALS[..., 0], NORMALS[..., 1], NORMALS[..., 2], NORMALS[..., 3] = 204, 166, 230, 255
+NORMALS[:, 1, 0], NORMALS[1, :, 1], NORMALS[2] = 51, 89, (128, 128, 255, 255)
+
+
+def normals_of(mesh: MeshPart, use: TextureUse, eye: Camera = EYE, placed: npt.NDArray[np.float64] | None = None) -> Floats:
+    """[SIDE, SIDE, 3]: what the shader takes for the normal."""
+    where = np.eye(4) if placed is None else placed
+    material = Material(normal_texture=use, normal_scale=0.5)
+    parts, extra = ([[mesh]], [(0, np.eye(4))]) if placed is None else ([[square()], [mesh]], [(0, FAR), (1, where)])
+    whole = scene(parts, [material], [eye], placed=extra, textures=[image_of(NORMALS)])
+    found: Floats = Rig(whole, 4).render("voronoi", 2, width=SIDE, height=SIDE, samples=2).layers["normal"].astype(np.float64)
+    return found
+
+
+FAR = np.eye(4)
+FAR[:3, 3] = 50.0
+
+
+def texel_normals(use: TextureUse) -> tuple[Floats, Floats, Floats]:
+    """What each pixel's texel says along the tangent, the bitangent and the normal, of length 1."""
+    middles = (np.arange(SIDE) + 0.5) / SIDE
+    u, v = np.meshgrid(middles, middles)
+    m00, m01, m02, m10, m11, m12 = use.transform
+    texel = NORMALS[np.floor((m10 * u + m11 * v + m12) * 4).astype(int) % 4, np.floor((m00 * u + m01 * v + m02) * 4).astype(int) % 4] / 255
+    x, y, z = (2 * texel[..., 0] - 1) * 0.5, (2 * texel[..., 1] - 1) * 0.5, 2 * texel[..., 2] - 1
+    length = np.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
+def test_normal_maps_tilt_along_the_coordinates() -> None:
+    use = TextureUse(0, nearest=True)
+    x, y, z = texel_normals(use)
+    assert np.abs(normals_of(square(), use) - np.stack([x, y, z], -1)).max() < 1e-3
+    # The picture turned by a quarter: its u runs down the square, its v to the left.
+    turned_use = TextureUse(0, nearest=True, transform=TURNED)
+    x, y, z = texel_normals(turned_use)
+    assert np.abs(normals_of(square(), turned_use) - np.stack([y, -x, z], -1)).max() < 1e-3
+
+
+def test_given_tangents_count_and_mirrors_turn_the_bitangent() -> None:
+    use = TextureUse(0, nearest=True)
+    x, y, z = texel_normals(use)
+    mesh = square()
+    given = np.tile(np.array([0.0, 1.0, 0.0, -1.0], np.float32), (len(mesh.positions), 1))
+    found = normals_of(replace(mesh, tangents=given), use)
+    # The tangent is y; the bitangent is -(z x y) = x.
+    assert np.abs(found - np.stack([y, x, z], -1)).max() < 1e-3
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    found = normals_of(mesh, use, placed=mirror)[:, ::-1]
+    assert np.abs(found - np.stack([-x, y, z], -1)).max() < 1e-3
+
+
+def test_from_behind_a_normal_map_is_turned_around() -> None:
+    use = TextureUse(0, nearest=True)
+    x, y, z = texel_normals(use)
+    behind = looking((0, 0, -5), (0, 0, 0), kind="orthographic", ymag=1.0)
+    found = normals_of(square(), use, behind)[:, ::-1]
+    assert np.abs(found + np.stack([x, y, z], -1)).max() < 1e-3
 
 
 @pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")

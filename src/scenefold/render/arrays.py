@@ -78,6 +78,7 @@ class Feature:
     REFLECTION = 1
     """Its dielectric reflection has a weight or a colour."""
     UNLIT = 2
+    NORMAL_MAP = 4
 
 
 class TextureUseColumn:

@@ -80,4 +80,5 @@ def material_rows(tables: SceneTables) -> tuple[F64, F64]:
 def _features(material: Material) -> int:
     tints = material.specular != 1.0 or material.specular_color != (1.0, 1.0, 1.0)
     reflects = tints or material.specular_texture is not None or material.specular_color_texture is not None
-    return Feature.REFLECTION * reflects | Feature.UNLIT * material.unlit
+    mapped = material.normal_texture is not None
+    return Feature.REFLECTION * reflects | Feature.UNLIT * material.unlit | Feature.NORMAL_MAP * mapped

@@ -41,12 +41,13 @@ from scenefold.render.lane_values_kernels import (
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_at
 from scenefold.render.math_kernels import decode_color, decode_direction, decode_pdf, encode_color, encode_direction, encode_pdf
+from scenefold.render.normal_map_kernels import mapped_normal
 from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
-from scenefold.render.surface_kernels import material_at, reach_at, surface_at
+from scenefold.render.surface_kernels import coordinates_at, material_at, reach_at, surface_at
 
 STATUS_FORWARD = 0
 """Nothing hit in this cell; the ray goes on elsewhere."""
@@ -63,7 +64,7 @@ COUNT_SHADOW_RAYS = 0
 COUNT_NOT_FINITE = 1
 COUNT_CLAMPED = 2
 
-_UNLIT = np.uint32(Feature.UNLIT)
+_UNLIT, _NORMAL_MAP = np.uint32(Feature.UNLIT), np.uint32(Feature.NORMAL_MAP)
 
 _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
     MaterialColumn.BASE,
@@ -72,6 +73,7 @@ _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
     MaterialColumn.EMISSION,
 )
 _DOUBLE_SIDED = MaterialColumn.DOUBLE_SIDED
+_NORMAL_USE, _NORMAL_SCALE = MaterialColumn.NORMAL_USE, MaterialColumn.NORMAL_SCALE
 _BASE_USE, _VERTEX_ALPHA = MaterialColumn.BASE_USE, MaterialColumn.VERTEX_ALPHA
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 
@@ -190,10 +192,11 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     u, v = gather(hit_uv, (at, 0)), gather(hit_uv, (at, 1))
     px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = surface_at(scene, triangle, instance, u, v)
     reach = reach_at(scene, triangle, instance)
+    places = coordinates_at(scene, triangle, u, v, tu, tv)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
     base_r, base_g, base_b, metallic, alpha, reflection, transmission, features = material_at(
-        scene, material, triangle, u, v, tu, tv, scratch
+        scene, material, triangle, u, v, places, scratch
     )
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
@@ -203,6 +206,11 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     sx, sy, sz = select(inwards, -sx, sx), select(inwards, -sy, sy), select(inwards, -sz, sz)
     hidden = -(dx * sx + dy * sy + dz * sz) <= 1e-4
     sx, sy, sz = select(hidden, gx, sx), select(hidden, gy, sy), select(hidden, gz, sz)
+    if any_lane((features & _NORMAL_MAP) != np.uint32(0)):
+        sx, sy, sz = mapped_normal(
+            scene, material, triangle, instance, u, v, places, (sx, sy, sz), (gx, gy, gz), (dx, dy, dz), opposite(front), scratch,
+            _NORMAL_USE, _NORMAL_SCALE,
+        )  # fmt: skip
     qx, qy, qz = px - ray.x, py - ray.y, pz - ray.z
     squared = qx * qx + qy * qy + qz * qz
 

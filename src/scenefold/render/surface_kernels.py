@@ -46,13 +46,13 @@ class Surface(NamedTuple):
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _blend(w, u, v, array, i0, i1, i2, column):  # type: ignore[no-untyped-def]
+def blend(w, u, v, array, i0, i1, i2, column):  # type: ignore[no-untyped-def]
     """A column of an array of vertices, between three corners."""
     return w * gather(array, (i0, column)) + u * gather(array, (i1, column)) + v * gather(array, (i2, column))
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _turned(matrices, instance, x, y, z):  # type: ignore[no-untyped-def]
+def turned(matrices, instance, x, y, z):  # type: ignore[no-untyped-def]
     """A vector through the left 3 x 3 of each lane's matrix."""
     return (
         gather(matrices, (instance, 0, 0)) * x + gather(matrices, (instance, 0, 1)) * y + gather(matrices, (instance, 0, 2)) * z,
@@ -75,19 +75,19 @@ def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     size = 1.0 / max(max(max(abs(e1x), abs(e1y)), max(abs(e1z), abs(e2x))), max(max(abs(e2y), abs(e2z)), 1e-30))
     e1x, e1y, e1z, e2x, e2y, e2z = e1x * size, e1y * size, e1z * size, e2x * size, e2y * size, e2z * size
     gx, gy, gz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
-    sx, sy, sz = _blend(w, u, v, n, i0, i1, i2, 0), _blend(w, u, v, n, i0, i1, i2, 1), _blend(w, u, v, n, i0, i1, i2, 2)
+    sx, sy, sz = blend(w, u, v, n, i0, i1, i2, 0), blend(w, u, v, n, i0, i1, i2, 1), blend(w, u, v, n, i0, i1, i2, 2)
     placed = instance != np.uint32(0)
     if any_lane(placed):
         m, k = scene.instance_matrices, scene.instance_normals
-        qx, qy, qz = _turned(m, instance, px, py, pz)
+        qx, qy, qz = turned(m, instance, px, py, pz)
         px, py, pz = (
             select(placed, qx + gather(m, (instance, 0, 3)), px),
             select(placed, qy + gather(m, (instance, 1, 3)), py),
             select(placed, qz + gather(m, (instance, 2, 3)), pz),
         )
-        qx, qy, qz = _turned(k, instance, gx, gy, gz)
+        qx, qy, qz = turned(k, instance, gx, gy, gz)
         gx, gy, gz = select(placed, qx, gx), select(placed, qy, gy), select(placed, qz, gz)
-        qx, qy, qz = _turned(k, instance, sx, sy, sz)
+        qx, qy, qz = turned(k, instance, sx, sy, sz)
         sx, sy, sz = select(placed, qx, sx), select(placed, qy, sy), select(placed, qz, sz)
     scale = 1.0 / math.sqrt(max(gx * gx + gy * gy + gz * gz, 1e-36))
     gx, gy, gz = gx * scale, gy * scale, gz * scale
@@ -95,7 +95,7 @@ def surface_at(scene, triangle, instance, u, v):  # type: ignore[no-untyped-def]
     smooth = squared > 1e-12
     scale = 1.0 / math.sqrt(select(smooth, squared, 1.0))
     sx, sy, sz = select(smooth, sx * scale, gx), select(smooth, sy * scale, gy), select(smooth, sz * scale, gz)
-    return px, py, pz, gx, gy, gz, sx, sy, sz, _blend(w, u, v, t, i0, i1, i2, 0), _blend(w, u, v, t, i0, i1, i2, 1)
+    return px, py, pz, gx, gy, gz, sx, sy, sz, blend(w, u, v, t, i0, i1, i2, 0), blend(w, u, v, t, i0, i1, i2, 1)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -120,13 +120,14 @@ def reach_at(scene, triangle, instance):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _second_coordinates(scene, triangle, u, v, tu, tv):  # type: ignore[no-untyped-def]
-    """The second set of texture coordinates; where nothing has one, the first."""
+def coordinates_at(scene, triangle, u, v, tu, tv):  # type: ignore[no-untyped-def]
+    """Both sets of texture coordinates, four lanes; the first one, (tu, tv), again where nothing has a second."""
+    tu2, tv2 = tu, tv
     if scene.has_uvs2:
         i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
         w = 1.0 - u - v
-        tu, tv = _blend(w, u, v, scene.uvs2, i0, i1, i2, 0), _blend(w, u, v, scene.uvs2, i0, i1, i2, 1)
-    return tu, tv
+        tu2, tv2 = blend(w, u, v, scene.uvs2, i0, i1, i2, 0), blend(w, u, v, scene.uvs2, i0, i1, i2, 1)
+    return tu, tv, tu2, tv2
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -134,11 +135,11 @@ def _vertex_color(scene, triangle, u, v):  # type: ignore[no-untyped-def]
     """Red, green and blue of the vertices' colours, in a scene that has some."""
     i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
     w, c = 1.0 - u - v, scene.colors
-    return _blend(w, u, v, c, i0, i1, i2, 0), _blend(w, u, v, c, i0, i1, i2, 1), _blend(w, u, v, c, i0, i1, i2, 2)
+    return blend(w, u, v, c, i0, i1, i2, 0), blend(w, u, v, c, i0, i1, i2, 1), blend(w, u, v, c, i0, i1, i2, 2)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _texture(scene, material, column, places, scratch):  # type: ignore[no-untyped-def]
+def texture_of(scene, material, column, places, scratch):  # type: ignore[no-untyped-def]
     """Linear red, green, blue and alpha of the texture use that a column of the materials names; 1 where there is none.
 
     places: both sets of coordinates, four lanes. Lane by lane: almost all that it does is to look up texels.
@@ -164,30 +165,28 @@ def _texture(scene, material, column, places, scratch):  # type: ignore[no-untyp
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def material_at(scene, material, triangle, u, v, tu, tv, scratch):  # type: ignore[no-untyped-def]
-    """The `Surface` at barycentric (u, v) of a triangle, with textures and vertex colours applied."""
+def material_at(scene, material, triangle, u, v, places, scratch):  # type: ignore[no-untyped-def]
+    """The `Surface` at barycentric (u, v) of a triangle, with textures and vertex colours applied; places: of `coordinates_at`."""
     rows = scene.materials
-    tu2, tv2 = _second_coordinates(scene, triangle, u, v, tu, tv)
-    places = (tu, tv, tu2, tv2)
-    tr, tg, tb, _ = _texture(scene, material, _BASE_USE, places, scratch)
+    tr, tg, tb, _ = texture_of(scene, material, _BASE_USE, places, scratch)
     r, g, b = gather(rows, (material, _BASE)) * tr, gather(rows, (material, _BASE + 1)) * tg, gather(rows, (material, _BASE + 2)) * tb
     if scene.has_colors:
         cr, cg, cb = _vertex_color(scene, triangle, u, v)
         r, g, b = r * cr, g * cg, b * cb
-    _, tg, tb, _ = _texture(scene, material, _MR_USE, places, scratch)
+    _, tg, tb, _ = texture_of(scene, material, _MR_USE, places, scratch)
     roughness, metallic = gather(rows, (material, _ROUGHNESS)) * tg, gather(rows, (material, _METALLIC)) * tb
     features = whole_of_real(gather(rows, (material, _FEATURES)))
     one = alike(1.0, u)
     reflection = dielectric_reflection(gather(rows, (material, _IOR)), one, one, one, one)
     if any_lane((features & _REFLECTION) != np.uint32(0)):
-        _, _, _, weight = _texture(scene, material, _SPECULAR_USE, places, scratch)
-        tr, tg, tb, _ = _texture(scene, material, _SPECULAR_COLOR_USE, places, scratch)
+        _, _, _, weight = texture_of(scene, material, _SPECULAR_USE, places, scratch)
+        tr, tg, tb, _ = texture_of(scene, material, _SPECULAR_COLOR_USE, places, scratch)
         reflection = dielectric_reflection(
             gather(rows, (material, _IOR)), weight * gather(rows, (material, _SPECULAR)), tr * gather(rows, (material, _SPECULAR_COLOR)),
             tg * gather(rows, (material, _SPECULAR_COLOR + 1)), tb * gather(rows, (material, _SPECULAR_COLOR + 2)),
         )  # fmt: skip
     transmission = gather(rows, (material, _TRANSMISSION))
     if any_lane(transmission > 0.0):
-        tr, _, _, _ = _texture(scene, material, _TRANSMISSION_USE, places, scratch)
+        tr, _, _, _ = texture_of(scene, material, _TRANSMISSION_USE, places, scratch)
         transmission = transmission * tr
     return Surface(r, g, b, metallic, max(roughness * roughness, ALPHA_MIN), reflection, transmission, features)

@@ -26,7 +26,7 @@ def test_what_is_rendered_is_not_named() -> None:
 def test_what_is_kept_for_later_is_named_once_with_its_number() -> None:
     lines = unshown(
         scene(
-            Material(normal_texture=TextureUse(0), clearcoat=1.0),
+            Material(clearcoat_normal_texture=TextureUse(0), clearcoat=1.0),
             Material(normal_texture=TextureUse(0), occlusion_texture=TextureUse(0), emissive_texture=TextureUse(0)),
             Material(transmission=1.0, thickness=0.1, transmission_texture=TextureUse(0), specular=0.5, unlit=True),
         )
@@ -35,5 +35,5 @@ def test_what_is_kept_for_later_is_named_once_with_its_number() -> None:
         "clear coats, kept but not rendered yet (1)",
         "emissive textures, rendered as their mean (1)",
         "insides of glass, kept but not rendered yet (1)",
-        "normal maps, kept but not rendered yet (2)",
+        "normal maps of clear coats, kept but not rendered yet (1)",
     ]
