@@ -187,6 +187,27 @@ def test_from_behind_a_normal_map_is_turned_around() -> None:
     assert np.abs(found + np.stack([x, y, z], -1)).max() < 1e-3
 
 
+@pytest.mark.parametrize("cosine", [1.0, 0.5])
+@pytest.mark.parametrize("mapped", [False, True])
+def test_a_clear_coat_mirrors_its_share_and_dims_what_it_covers_by_that(cosine: float, mapped: bool) -> None:
+    """Under an even white sky. A coat as smooth as this loses nothing, and Lambert's body gives back all it gets."""
+    eye = looking((5 * np.sqrt(1 - cosine**2), 0, 5 * cosine), (0, 0, 0), kind="orthographic", ymag=0.2)
+    map_of_coat = TextureUse(0) if mapped else None
+    for base, share in ((1.0, 1.0), (0.0, 0.8 * (0.04 + 0.96 * (1 - cosine) ** 5))):
+        material = Material(
+            base_color=(base, base, base, 1.0), specular=0.0, clearcoat=0.8, clearcoat_roughness=0.1,
+            clearcoat_normal_texture=map_of_coat, clearcoat_normal_scale=0.2,
+        )  # fmt: skip
+        rig = Rig(scene([[square()]], [material], [eye], textures=[image_of(NORMALS)]), 4)
+        image = rig.render("voronoi", 2, width=SIDE, height=SIDE, samples=400, depth=2, sky=(1.0, 1.0, 1.0))
+        error = 4 * float(np.sqrt(image.variance[..., 0].mean())) / SIDE
+        mean = float(image.beauty[..., 0].mean())
+        if mapped:
+            assert mean < share + 0.03 + error, "no more than comes in"
+            continue
+        assert abs(mean - share) < 0.005 * share + error
+
+
 @pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
 @pytest.mark.parametrize("use", [USES[1], USES[2]])
 def test_mitsuba_shows_the_same(use: TextureUse) -> None:
@@ -204,11 +225,15 @@ TINTED = Material(
     specular_texture=TextureUse(0), specular_color_texture=TextureUse(0, 1),
 )  # fmt: skip
 CLEAR = Material(base_color=(0.9, 0.6, 0.3, 1.0), roughness=0.5, transmission=0.7, transmission_texture=TextureUse(0), specular=0.5)
+COATED = Material(
+    base_color=(0.6, 0.3, 0.2, 1.0), roughness=0.8, clearcoat=0.9, clearcoat_texture=TextureUse(0),
+    clearcoat_roughness=0.7, clearcoat_roughness_texture=TextureUse(0, 1),
+)  # fmt: skip
 BARE = Material(base_color=(0.5, 1.0, 0.25, 1.0), base_color_texture=TextureUse(0), unlit=True)
 
 
 @pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
-@pytest.mark.parametrize("material", [TINTED, CLEAR, BARE], ids=["tinted", "clear", "unlit"])
+@pytest.mark.parametrize("material", [TINTED, CLEAR, BARE, COATED], ids=["tinted", "clear", "unlit", "coated"])
 def test_mitsuba_agrees(material: Material) -> None:
     """Under an even sky, pixel by pixel."""
     whole = scene([[square()]], [material], [EYE], textures=[image_of(TEXELS)])

@@ -79,6 +79,7 @@ class Feature:
     """Its dielectric reflection has a weight or a colour."""
     UNLIT = 2
     NORMAL_MAP = 4
+    COAT = 8
 
 
 class TextureUseColumn:

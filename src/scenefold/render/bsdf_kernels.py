@@ -86,12 +86,8 @@ def sample_visible_normal(x, y, z, alpha, u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, choose_coat):  # type: ignore[no-untyped-def]
-    """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
-
-    reflection: the dielectric's reflectance at normal incidence, three colours, and at grazing angles.
-    Both directions on the upper side, else all is 0; the straight-through lobe is a delta and no part of either.
-    """
+def reflect_ggx(wox, woy, woz, wix, wiy, wiz, alpha):  # type: ignore[no-untyped-def]
+    """(value, density, cosine to the half vector) of a GGX mirror that reflects everything: without cosine, per steradian; wo, wi above."""
     hx, hy, hz = wox + wix, woy + wiy, woz + wiz
     scale = 1.0 / math.sqrt(hx * hx + hy * hy + hz * hz)
     hx, hy, hz = hx * scale, hy * scale, hz * scale
@@ -104,7 +100,17 @@ def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alp
     root_i = math.sqrt(wiz * wiz + a2 * (wix * wix + wiy * wiy))
     one, both = woz + root_o, root_o * wiz + root_i * woz
     common = a2 * (0.5 * INVERSE_PI) / (d * d * one * both)
-    coat, coat_pdf = common * one, common * both
+    return common * one, common * both, cosine
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, choose_coat):  # type: ignore[no-untyped-def]
+    """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
+
+    reflection: the dielectric's reflectance at normal incidence, three colours, and at grazing angles.
+    Both directions on the upper side, else all is 0; the straight-through lobe is a delta and no part of either.
+    """
+    coat, coat_pdf, cosine = reflect_ggx(wox, woy, woz, wix, wiy, wiz, alpha)
     f0_r, f0_g, f0_b, f90 = reflection
     grazing = _grazing(cosine)
     d_r, d_g, d_b = f0_r + (f90 - f0_r) * grazing, f0_g + (f90 - f0_g) * grazing, f0_b + (f90 - f0_b) * grazing

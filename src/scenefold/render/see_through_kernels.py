@@ -24,6 +24,7 @@ from numba import njit
 
 from scenefold.render.arrays import MaterialColumn
 from scenefold.render.bsdf_kernels import dielectric_reflection, fresnel
+from scenefold.render.clear_coat_kernels import coat_share
 from scenefold.render.precise_kernels import mix64
 from scenefold.render.texture_kernels import sample_use
 
@@ -43,6 +44,7 @@ _TRANSMISSION_USE, _SPECULAR_USE, _SPECULAR_COLOR_USE = (
     MaterialColumn.SPECULAR_USE,
     MaterialColumn.SPECULAR_COLOR_USE,
 )
+_CLEARCOAT, _CLEARCOAT_USE = MaterialColumn.CLEARCOAT, MaterialColumn.CLEARCOAT_USE
 _SPECULAR, _SPECULAR_COLOR = MaterialColumn.SPECULAR, MaterialColumn.SPECULAR_COLOR
 
 
@@ -74,9 +76,10 @@ def is_surely_opaque(mode, cutoff, alpha, base_use, vertex_alpha):  # type: igno
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def passed_share(transmission, reflection, metallic, cosine):  # type: ignore[no-untyped-def]
+def passed_share(transmission, reflection, metallic, coat, cosine):  # type: ignore[no-untyped-def]
     """q: how much of the light that meets the surface at this cosine passes straight on, before tint (lanes, or numbers)."""
-    return transmission * (1.0 - metallic) * (1.0 - fresnel(max(reflection[0], max(reflection[1], reflection[2])), reflection[3], cosine))
+    body = 1.0 - fresnel(max(reflection[0], max(reflection[1], reflection[2])), reflection[3], cosine)
+    return transmission * (1.0 - metallic) * body * (1.0 - coat_share(coat, cosine))
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -119,9 +122,10 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     w = 1.0 - u - v
     base, rough, clear = int(row[_BASE_USE]), int(row[_MR_USE]), int(row[_TRANSMISSION_USE])
     weights, tints = int(row[_SPECULAR_USE]), int(row[_SPECULAR_COLOR_USE])
+    coats, coat = int(row[_CLEARCOAT_USE]), float(row[_CLEARCOAT])
     transmission, weight = float(row[_TRANSMISSION]), float(row[_SPECULAR])
     sr, sg, sb = float(row[_SPECULAR_COLOR]), float(row[_SPECULAR_COLOR + 1]), float(row[_SPECULAR_COLOR + 2])
-    if base >= 0 or rough >= 0 or clear >= 0 or weights >= 0 or tints >= 0:
+    if base >= 0 or rough >= 0 or clear >= 0 or weights >= 0 or tints >= 0 or coats >= 0:
         tu = w * scene.uvs[i0, 0] + u * scene.uvs[i1, 0] + v * scene.uvs[i2, 0]
         tv = w * scene.uvs[i0, 1] + u * scene.uvs[i1, 1] + v * scene.uvs[i2, 1]
         tu2, tv2 = tu, tv
@@ -137,6 +141,9 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
         if clear >= 0:
             tr, _, _, _ = sample_use(scene, clear, tu, tv, tu2, tv2)
             transmission *= tr
+        if coats >= 0:
+            tr, _, _, _ = sample_use(scene, coats, tu, tv, tu2, tv2)
+            coat *= tr
         if weights >= 0:
             _, _, _, ta = sample_use(scene, weights, tu, tv, tu2, tv2)
             weight *= ta
@@ -152,7 +159,7 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     a = opacity(row, alpha)
     if not transmission > 0.0:
         return 1.0 - a, 1.0 - a, 1.0 - a
-    passed = a * passed_share(transmission, dielectric_reflection(float(row[_IOR]), weight, sr, sg, sb), metallic, cosine)
+    passed = a * passed_share(transmission, dielectric_reflection(float(row[_IOR]), weight, sr, sg, sb), metallic, coat, cosine)
     return 1.0 - a + passed * r, 1.0 - a + passed * g, 1.0 - a + passed * b
 
 

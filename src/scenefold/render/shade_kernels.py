@@ -24,6 +24,7 @@ from scenefold.render.bsdf_kernels import (
     sample_visible_normal,
 )
 from scenefold.render.clamp_kernels import clamped
+from scenefold.render.clear_coat_kernels import coat_of, coated, no_coat, sample_coat
 from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
 from scenefold.render.generate_kernels import depth_of
 from scenefold.render.lane_values_kernels import (
@@ -74,6 +75,7 @@ _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
 )
 _DOUBLE_SIDED = MaterialColumn.DOUBLE_SIDED
 _NORMAL_USE, _NORMAL_SCALE = MaterialColumn.NORMAL_USE, MaterialColumn.NORMAL_SCALE
+_COAT_NORMAL_USE, _COAT_NORMAL_SCALE = MaterialColumn.CLEARCOAT_NORMAL_USE, MaterialColumn.CLEARCOAT_NORMAL_SCALE
 _BASE_USE, _VERTEX_ALPHA = MaterialColumn.BASE_USE, MaterialColumn.VERTEX_ALPHA
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 
@@ -195,7 +197,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     places = coordinates_at(scene, triangle, u, v, tu, tv)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
-    base_r, base_g, base_b, metallic, alpha, reflection, transmission, features = material_at(
+    base_r, base_g, base_b, metallic, alpha, reflection, transmission, features, coat_strength, coat_alpha = material_at(
         scene, material, triangle, u, v, places, scratch
     )
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
@@ -206,6 +208,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     sx, sy, sz = select(inwards, -sx, sx), select(inwards, -sy, sy), select(inwards, -sz, sz)
     hidden = -(dx * sx + dy * sy + dz * sz) <= 1e-4
     sx, sy, sz = select(hidden, gx, sx), select(hidden, gy, sy), select(hidden, gz, sz)
+    below = (sx, sy, sz)
     if any_lane((features & _NORMAL_MAP) != np.uint32(0)):
         sx, sy, sz = mapped_normal(
             scene, material, triangle, instance, u, v, places, (sx, sy, sz), (gx, gy, gz), (dx, dy, dz), opposite(front), scratch,
@@ -226,7 +229,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     through, tint_r, tint_g, tint_b = alike(0.0, px), alike(0.0, px), alike(0.0, px), alike(0.0, px)
     clear = (transmission > 0.0) & (metallic < 1.0)
     if any_lane(clear):
-        share = passed_share(transmission, reflection, metallic, facing)
+        share = passed_share(transmission, reflection, metallic, coat_strength, facing)
         least, most = min(base_r, min(base_g, base_b)), max(base_r, max(base_g, base_b))
         left = 1.0 - share * least
         live = live & (opposite(clear) | (left > 1e-6))
@@ -277,6 +280,14 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     woy = -(dx * bx + dy * by + dz * bz)
     woz = -(dx * sx + dy * sy + dz * sz)
     coat = coat_probability(woz, base_r, base_g, base_b, metallic, reflection, transmission)
+    is_coated = any_lane(coat_strength > 0.0)
+    varnish = no_coat(px)
+    if is_coated:
+        nx, ny, nz = mapped_normal(
+            scene, material, triangle, instance, u, v, places, below, (gx, gy, gz), (dx, dy, dz), opposite(front), scratch,
+            _COAT_NORMAL_USE, _COAT_NORMAL_SCALE,
+        )  # fmt: skip
+        varnish = coat_of(coat_strength, coat_alpha, nx, ny, nz, dx, dy, dz)
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, reach)
 
     # A shadow ray towards one light sample.
@@ -285,6 +296,8 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     if any_lane(found):
         wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
         vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, coat)
+        if is_coated:
+            vr, vg, vb, pdf, wiz = coated(varnish, wx, wy, wz, vr, vg, vb, pdf, wiz)
         quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
         finite = light_pdf > 0.0
         weight = wiz * select(finite, _power_weight(light_pdf, quantised), 1.0)
@@ -305,7 +318,9 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     lobe, gamble = pair(job, dice, PAIR_LOBE_ROULETTE)
     u, v = pair(job, dice, PAIR_SCATTER)
     straight = lobe < through
-    glossy = (lobe - through) < coat * (1.0 - through)
+    rest, pick = lobe - through, varnish.pick * (1.0 - through)
+    off_coat = rest < pick
+    glossy = (rest - pick) < coat * (1.0 - through - pick)
     wix, wiy, wiz = sample_cosine(u, v)
     if any_lane(glossy):
         hx, hy, hz = sample_visible_normal(wox, woy, woz, alpha, u, v)
@@ -316,11 +331,18 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
             select(glossy, cosine * hz - woz, wiz),
         )
     above = wiz > 0.0
-    code_u, code_v = encode_direction(wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz)
+    wx, wy, wz = wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz
+    if is_coated:
+        hx, hy, hz, leaves = sample_coat(varnish, u, v)
+        wx, wy, wz = select(off_coat, hx, wx), select(off_coat, hy, wy), select(off_coat, hz, wz)
+        above = select(off_coat, leaves, above)
+    code_u, code_v = encode_direction(wx, wy, wz)
     # From here on the direction is what its code says: the density too is that of the coded direction.
     wx, wy, wz = decode_direction(code_u, code_v)
     wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
     vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, coat)
+    if is_coated:
+        vr, vg, vb, pdf, wiz = coated(varnish, wx, wy, wz, vr, vg, vb, pdf, wiz)
     pdf = pdf * (1.0 - through)
     live = live & (straight | (above & (wx * gx + wy * gy + wz * gz > 0.0) & (pdf > 0.0)))
     weight = wiz / pdf

@@ -17,7 +17,13 @@ from scenefold.render.texture_kernels import sample_use
 
 _BASE, _METALLIC, _ROUGHNESS = MaterialColumn.BASE, MaterialColumn.METALLIC, MaterialColumn.ROUGHNESS
 _BASE_USE, _MR_USE = MaterialColumn.BASE_USE, MaterialColumn.METALLIC_ROUGHNESS_USE
-_REFLECTION = np.uint32(Feature.REFLECTION)
+_REFLECTION, _COAT = np.uint32(Feature.REFLECTION), np.uint32(Feature.COAT)
+_CLEARCOAT, _CLEARCOAT_USE, _CLEARCOAT_ROUGHNESS, _CLEARCOAT_ROUGHNESS_USE = (
+    MaterialColumn.CLEARCOAT,
+    MaterialColumn.CLEARCOAT_USE,
+    MaterialColumn.CLEARCOAT_ROUGHNESS,
+    MaterialColumn.CLEARCOAT_ROUGHNESS_USE,
+)
 _IOR, _FEATURES = MaterialColumn.IOR, MaterialColumn.FEATURES
 _TRANSMISSION, _TRANSMISSION_USE = MaterialColumn.TRANSMISSION, MaterialColumn.TRANSMISSION_USE
 _SPECULAR, _SPECULAR_COLOR, _SPECULAR_USE, _SPECULAR_COLOR_USE = (
@@ -43,6 +49,9 @@ class Surface(NamedTuple):
     transmission: Any
     features: Any
     """Words: bits of `Feature`."""
+    coat: Any
+    """Strength of the clear coat."""
+    coat_alpha: Any
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -185,8 +194,15 @@ def material_at(scene, material, triangle, u, v, places, scratch):  # type: igno
             gather(rows, (material, _IOR)), weight * gather(rows, (material, _SPECULAR)), tr * gather(rows, (material, _SPECULAR_COLOR)),
             tg * gather(rows, (material, _SPECULAR_COLOR + 1)), tb * gather(rows, (material, _SPECULAR_COLOR + 2)),
         )  # fmt: skip
+    coat = coat_alpha = alike(0.0, u)
+    if any_lane((features & _COAT) != np.uint32(0)):
+        tr, _, _, _ = texture_of(scene, material, _CLEARCOAT_USE, places, scratch)
+        coat = gather(rows, (material, _CLEARCOAT)) * tr
+        _, tg, _, _ = texture_of(scene, material, _CLEARCOAT_ROUGHNESS_USE, places, scratch)
+        coat_alpha = gather(rows, (material, _CLEARCOAT_ROUGHNESS)) * tg
+        coat_alpha = max(coat_alpha * coat_alpha, ALPHA_MIN)
     transmission = gather(rows, (material, _TRANSMISSION))
     if any_lane(transmission > 0.0):
         tr, _, _, _ = texture_of(scene, material, _TRANSMISSION_USE, places, scratch)
         transmission = transmission * tr
-    return Surface(r, g, b, metallic, max(roughness * roughness, ALPHA_MIN), reflection, transmission, features)
+    return Surface(r, g, b, metallic, max(roughness * roughness, ALPHA_MIN), reflection, transmission, features, coat, coat_alpha)

@@ -206,7 +206,7 @@ def spaces(a, b, c, d, w, v):
     ax, ay, az, _, _, _ = _frame(x, y, z)
     t_in, t_out = _span(a * 4.0 - 2.0, b, c * 5.0 - 3.0, x, y, z, BOX_LOW, BOX_HIGH)
     ox, oy, _ = _offset(a, b, c, x, y, z, 3.0)
-    shown = _passed(b, _reflection(1.0 + c, d, a, b, c), d, a) + _select(
+    shown = _passed(b, _reflection(1.0 + c, d, a, b, c), d, 0.5 * b, a) + _select(
         _opaque(_rounded_down(a * 3.0), 0.5, b, _rounded_down(c * 2.0) - 1.0, _rounded_down(d * 2.0)), 1.0, 0.0
     )
     return ax, ay, az, t_in, t_out, ox, oy, shown

@@ -12,8 +12,6 @@ from scenefold.scene.payloads.materials import Material
 
 _KEPT = ", kept but not rendered yet"
 _OF_MATERIALS: dict[str, Callable[[Material], bool]] = {
-    "normal maps of clear coats": lambda one: one.clearcoat_normal_texture is not None,
-    "clear coats": lambda one: one.clearcoat > 0.0,
     "insides of glass": lambda one: one.transmission > 0.0 and one.thickness > 0.0,
 }
 

@@ -9,6 +9,8 @@
 Alpha and thin transmission (KHR_materials_transmission, infinitely thin, seen unblurred) are the null component: what
 passes straight on is 1 - a + a q c, q = transmission (1 - metallic)(1 - F_d(cosine at the geometric normal)).
 
+Over it lies KHR_materials_clearcoat: mix(material, GGX, c F), F Schlick's term of 0.04 at the angle of the viewer.
+
 Normals: the shading normal is turned to the side of the geometric one that is seen, and where it looks away from the viewer the
 geometric one takes its place; no light passes a surface from one geometric side to the other, but straight on.
 Mitsuba's microfacet distribution and warps draw the directions.
@@ -79,7 +81,24 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             _, n, towards = self._frame(si)
             f_d = dr.max(self._dielectric(si, dr.dot(n, towards), active))
             q = self.looks.transmission(si, active) * (1.0 - metallic) * (1.0 - f_d)
+            if self.looks.coated:
+                q *= 1.0 - self._coat(si, dr.dot(n, towards), active)[0]
             return 1.0 - opacity + opacity * q * base
+
+        def _mirror(self, v: Any, l: Any, alpha: Any) -> tuple[Any, Any]:
+            """Value without cosine, and density, of GGX that reflects everything."""
+            h, a2 = dr.normalize(v + l), alpha * alpha
+            # The appendix's D. Mitsuba writes it so that single precision bears very smooth surfaces.
+            distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
+            # Smith's height-correlated visibility, V of the appendix, is G2 / (4 N.L N.V).
+            visibility = 0.5 / (l.z * dr.sqrt(dr.square(v.z) * (1.0 - a2) + a2) + v.z * dr.sqrt(dr.square(l.z) * (1.0 - a2) + a2))
+            return visibility * distribution.eval(h), distribution.pdf(v, h) / (4.0 * dr.dot(v, h))
+
+        def _coat(self, si: Any, cosine: Any, active: Any) -> tuple[Any, Any, Any]:
+            """The coat's share, the chance to sample it, and its alpha."""
+            strength, roughness = self.looks.coat(si, active)
+            share = strength * self._fresnel(0.04, cosine)
+            return share, dr.select(strength > 0.0, dr.clip(share, 0.15, 0.9), 0.0), dr.maximum(roughness * roughness, ALPHA_LEAST)
 
         def _chances(self, si: Any, active: Any, v: Any) -> tuple[Any, Any]:
             """With which probability to go straight on, and, otherwise, to sample the specular part."""
@@ -101,20 +120,18 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             roughness, metallic = self.looks.roughness_metallic(si, active)
             alpha = dr.maximum(roughness * roughness, ALPHA_LEAST)
             good = active & (v.z > 0.0) & (l.z > 0.0) & (dr.dot(out, n) > 0.0)
-            h = dr.normalize(v + l)
-            cosine = dr.dot(v, h)
-            a2 = alpha * alpha
-            # The appendix's D. Mitsuba writes it so that single precision bears very smooth surfaces.
-            distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
-            d = distribution.eval(h)
-            # Smith's height-correlated visibility, V of the appendix, is G2 / (4 N.L N.V).
-            visibility = 0.5 / (l.z * dr.sqrt(dr.square(v.z) * (1.0 - a2) + a2) + v.z * dr.sqrt(dr.square(l.z) * (1.0 - a2) + a2))
-            specular = visibility * d
+            specular, density = self._mirror(v, l, alpha)
+            cosine = dr.dot(v, dr.normalize(v + l))
             f_d = self._dielectric(si, cosine, active)
             diffuse = (1.0 - dr.max(f_d)) * (1.0 - self.looks.transmission(si, active)) * base * dr.inv_pi
             value = (1.0 - metallic) * (diffuse + f_d * specular) + metallic * specular * self._fresnel(base, cosine)
             straight, share = self._chances(si, active, v)
-            density = share * distribution.pdf(v, h) / (4.0 * cosine) + (1.0 - share) * l.z * dr.inv_pi
+            density = share * density + (1.0 - share) * l.z * dr.inv_pi
+            if self.looks.coated:
+                veil, pick, coat_alpha = self._coat(si, v.z, active)
+                coat_value, coat_density = self._mirror(v, l, coat_alpha)
+                value = (1.0 - veil) * value + veil * coat_value
+                density = (1.0 - pick) * density + pick * coat_density
             if self.looks.unlit:
                 value = mi.Color3f(0.0)
             return dr.select(good, value * opacity * l.z, 0.0), dr.select(good, (1.0 - straight) * density, 0.0)
@@ -128,6 +145,10 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             alpha = dr.maximum(roughness * roughness, ALPHA_LEAST)
             passes = sample1 < straight
             rest = (sample1 - straight) / dr.maximum(1.0 - straight, 1e-9)
+            if self.looks.coated:
+                _, pick, coat_alpha = self._coat(si, v.z, active)
+                alpha = dr.select(rest < pick, coat_alpha, alpha)
+                rest = dr.select(rest < pick, 0.0, (rest - pick) / dr.maximum(1.0 - pick, 1e-9))
             distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
             h, _ = distribution.sample(v, sample2)
             l = dr.select(rest < share, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))

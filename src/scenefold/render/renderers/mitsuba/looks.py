@@ -29,6 +29,9 @@ class Looks:
         self._transmission = mi.Float(float(row[MaterialColumn.TRANSMISSION]))
         self._specular = mi.Float(float(row[MaterialColumn.SPECULAR]))
         self._tint = mi.Color3f(*(float(value) for value in row[MaterialColumn.SPECULAR_COLOR : MaterialColumn.SPECULAR_COLOR + 3]))
+        self._coat = mi.Float(float(row[MaterialColumn.CLEARCOAT]))
+        self._coat_roughness = mi.Float(float(row[MaterialColumn.CLEARCOAT_ROUGHNESS]))
+        self.coated = row[MaterialColumn.CLEARCOAT] > 0.0
         self.unlit = row[MaterialColumn.UNLIT] != 0.0
         self.ior = mi.Float(float(row[MaterialColumn.IOR]))
         for value in (
@@ -41,6 +44,8 @@ class Looks:
             self._transmission,
             self._specular,
             self._tint,
+            self._coat,
+            self._coat_roughness,
             self.ior,
         ):
             dr.make_opaque(value)
@@ -56,8 +61,12 @@ class Looks:
         self._clear = _Read.of(mitsuba, arrays, int(row[MaterialColumn.TRANSMISSION_USE]), slice(0, 3))
         self._weight = _Read.of(mitsuba, arrays, int(row[MaterialColumn.SPECULAR_USE]), slice(3, 4))
         self._tints = _Read.of(mitsuba, arrays, int(row[MaterialColumn.SPECULAR_COLOR_USE]), slice(0, 3))
+        self._coats = _Read.of(mitsuba, arrays, int(row[MaterialColumn.CLEARCOAT_USE]), slice(0, 3))
+        self._coat_roughs = _Read.of(mitsuba, arrays, int(row[MaterialColumn.CLEARCOAT_ROUGHNESS_USE]), slice(0, 3))
         self._reads = [
-            read for read in (self._base, self._base_alpha, self._rough, self._clear, self._weight, self._tints) if read is not None
+            read
+            for read in (self._base, self._base_alpha, self._rough, self._clear, self._weight, self._tints, self._coats, self._coat_roughs)
+            if read is not None
         ]
         self.coloured = arrays.has_colors
         """Whether its meshes have the attributes vertex_color and vertex_alpha."""
@@ -94,6 +103,11 @@ class Looks:
         """Weight and tint of the dielectric's reflection."""
         weight = self._specular if self._weight is None else self._specular * self._weight.eval_1(si, active)
         return weight, self._tint if self._tints is None else self._tint * self._tints.eval(si, active)
+
+    def coat(self, si: Any, active: Any) -> tuple[Any, Any]:
+        """Strength and roughness of the clear coat."""
+        strength = self._coat if self._coats is None else self._coat * self._coats.eval(si, active).x
+        return strength, self._coat_roughness if self._coat_roughs is None else self._coat_roughness * self._coat_roughs.eval(si, active).y
 
     def opacity(self, si: Any, active: Any) -> Any:
         """What alpha and its mode make of it, 0 to 1."""

@@ -1,0 +1,98 @@
+"""KHR_materials_clearcoat: a layer of varnish of index 1.5 on a surface (specs/09-renderer-contract.md). In lanes.
+
+glTF mixes by the Fresnel term F of the angle between viewer and the coat's own normal: of strength c the coat mirrors c F, and what lies
+below gives c F less. The coat is GGX with a roughness and a normal of its own; values of a coated surface are
+
+    f cos = (1 - c F) f_below cos_below + c F f_coat cos_coat
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numba import njit
+
+from scenefold.render.bsdf_kernels import frame_of, fresnel, reflect_ggx, sample_visible_normal
+from scenefold.render.lane_values_kernels import alike, select
+
+_F0 = 0.04
+_PICK_MIN, _PICK_MAX = 0.1, 0.9
+_COSINE_MIN = 1e-4
+
+
+class Coat(NamedTuple):
+    """A coat as it is seen from where the ray comes."""
+
+    share: Any
+    """c F: how much of the light it mirrors; 0 where there is none."""
+    pick: Any
+    """With which probability directions are drawn from it."""
+    alpha: Any
+    frame: Any
+    """Nine reals: two tangents and the normal."""
+    wo: Any
+    """Towards the viewer, in the frame."""
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def coat_share(strength, cosine):  # type: ignore[no-untyped-def]
+    """How much of the light a coat mirrors (lanes, or numbers)."""
+    return strength * fresnel(_F0, 1.0, cosine)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _inside(frame, x, y, z):  # type: ignore[no-untyped-def]
+    return (
+        x * frame[0] + y * frame[1] + z * frame[2],
+        x * frame[3] + y * frame[4] + z * frame[5],
+        x * frame[6] + y * frame[7] + z * frame[8],
+    )
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def coat_of(strength, alpha, nx, ny, nz, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """The coat whose unit normal is n, on the viewer's side, for a ray along d."""
+    ax, ay, az, bx, by, bz = frame_of(nx, ny, nz)
+    frame = (ax, ay, az, bx, by, bz, nx, ny, nz)
+    wo = _inside(frame, -dx, -dy, -dz)
+    share = coat_share(strength, wo[2])
+    return Coat(share, select(strength > 0.0, min(max(share, _PICK_MIN), _PICK_MAX), 0.0), alpha, frame, wo)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def no_coat(example):  # type: ignore[no-untyped-def]
+    """In as many lanes as the example has."""
+    zero = alike(0.0, example)
+    return Coat(zero, zero, zero, (zero, zero, zero, zero, zero, zero, zero, zero, zero), (zero, zero, zero))
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def coated(coat, wx, wy, wz, r, g, b, pdf, cosine):  # type: ignore[no-untyped-def]
+    """(r, g, b, pdf, cosine) of a coated surface for light from w, from those of what lies below; these themselves where there is no coat.
+
+    The cosine is by which values are to be multiplied: the coat mirrors where the normal below is turned away, too.
+    """
+    x, y, z = _inside(coat.frame, wx, wy, wz)
+    value, density, _ = reflect_ggx(coat.wo[0], coat.wo[1], coat.wo[2], x, y, z, coat.alpha)
+    above = (coat.wo[2] > 0.0) & (z > 0.0)
+    there = coat.pick > 0.0
+    divisor = max(cosine, _COSINE_MIN)
+    added = select(above, coat.share * value * z, 0.0) / divisor
+    kept = (1.0 - coat.share) * max(cosine, 0.0) / divisor
+    return (
+        select(there, r * kept + added, r),
+        select(there, g * kept + added, g),
+        select(there, b * kept + added, b),
+        select(there, select(above, coat.pick * density, 0.0) + (1.0 - coat.pick) * pdf, pdf),
+        select(there, divisor, cosine),
+    )
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def sample_coat(coat, u, v):  # type: ignore[no-untyped-def]
+    """(x, y, z, whether it leaves the coat): a direction that the coat mirrors to the viewer, in the world."""
+    hx, hy, hz = sample_visible_normal(coat.wo[0], coat.wo[1], coat.wo[2], coat.alpha, u, v)
+    double = 2.0 * (coat.wo[0] * hx + coat.wo[1] * hy + coat.wo[2] * hz)
+    x, y, z = double * hx - coat.wo[0], double * hy - coat.wo[1], double * hz - coat.wo[2]
+    f = coat.frame
+    return x * f[0] + y * f[3] + z * f[6], x * f[1] + y * f[4] + z * f[7], x * f[2] + y * f[5] + z * f[8], z > 0.0
