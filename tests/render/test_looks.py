@@ -208,6 +208,12 @@ def test_a_clear_coat_mirrors_its_share_and_dims_what_it_covers_by_that(cosine: 
         assert abs(mean - share) < 0.005 * share + error
 
 
+def test_an_emissive_texture_is_seen_texel_by_texel() -> None:
+    use = TextureUse(0, 1, nearest=True)
+    image = shown(Material(emissive=(3.0, 2.0, 1.0), emissive_texture=use, emissive_mean=(0.5, 0.5, 0.5)), square(), depth=1)
+    assert np.abs(image.beauty - expected(use)[..., :3] * (3.0, 2.0, 1.0)).max() < 1e-3
+
+
 @pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
 @pytest.mark.parametrize("use", [USES[1], USES[2]])
 def test_mitsuba_shows_the_same(use: TextureUse) -> None:

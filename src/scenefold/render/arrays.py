@@ -80,6 +80,7 @@ class Feature:
     UNLIT = 2
     NORMAL_MAP = 4
     COAT = 8
+    EMISSIVE_MAP = 16
 
 
 class TextureUseColumn:

@@ -81,5 +81,6 @@ def _features(material: Material) -> int:
     tints = material.specular != 1.0 or material.specular_color != (1.0, 1.0, 1.0)
     reflects = tints or material.specular_texture is not None or material.specular_color_texture is not None
     mapped = material.normal_texture is not None
-    shown = Feature.NORMAL_MAP * mapped | Feature.COAT * (material.clearcoat > 0.0)
+    glows = Feature.EMISSIVE_MAP * (material.shines and material.emissive_texture is not None)
+    shown = glows | Feature.NORMAL_MAP * mapped | Feature.COAT * (material.clearcoat > 0.0)
     return Feature.REFLECTION * reflects | Feature.UNLIT * material.unlit | shown

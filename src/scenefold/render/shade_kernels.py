@@ -48,7 +48,7 @@ from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
-from scenefold.render.surface_kernels import coordinates_at, material_at, reach_at, surface_at
+from scenefold.render.surface_kernels import coordinates_at, material_at, reach_at, surface_at, texture_of
 
 STATUS_FORWARD = 0
 """Nothing hit in this cell; the ray goes on elsewhere."""
@@ -66,6 +66,7 @@ COUNT_NOT_FINITE = 1
 COUNT_CLAMPED = 2
 
 _UNLIT, _NORMAL_MAP = np.uint32(Feature.UNLIT), np.uint32(Feature.NORMAL_MAP)
+_EMISSIVE_MAP, _EMISSIVE, _EMISSIVE_USE = np.uint32(Feature.EMISSIVE_MAP), MaterialColumn.EMISSIVE, MaterialColumn.EMISSIVE_USE
 
 _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
     MaterialColumn.BASE,
@@ -253,6 +254,13 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         found = (ray.pdf != np.uint32(PDF_DELTA)) & (facing > 1e-6) & opaque
         other = emitter_pdf(job, emission_r, emission_g, emission_b, squared, facing)
         weight = select(found, _power_weight(decode_pdf(ray.pdf), other), 1.0)
+        mapped = (features & _EMISSIVE_MAP) != np.uint32(0)
+        if any_lane(mapped):
+            # The density above is of the mean, by which light samples choose; what is seen is the texel.
+            tr, tg, tb, _ = texture_of(scene, material, _EMISSIVE_USE, places, scratch)
+            emission_r = select(mapped, tr * gather(rows, (material, _EMISSIVE)), emission_r)
+            emission_g = select(mapped, tg * gather(rows, (material, _EMISSIVE + 1)), emission_g)
+            emission_b = select(mapped, tb * gather(rows, (material, _EMISSIVE + 2)), emission_b)
         _add_lanes(
             job,
             sums,

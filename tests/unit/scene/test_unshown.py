@@ -32,6 +32,6 @@ def test_what_is_kept_for_later_is_named_once_with_its_number() -> None:
         )
     )
     assert lines == [
-        "emissive textures, rendered as their mean (1)",
+        "emissive textures, whose light samples have their mean (1)",
         "insides of glass, kept but not rendered yet (1)",
     ]

@@ -21,5 +21,5 @@ def unshown(source: SourceScene) -> list[str]:
     found = NotCarried()
     for what, has in _OF_MATERIALS.items():
         found.note(what + _KEPT, sum(has(material) for material in source.materials))
-    found.note("emissive textures, rendered as their mean", sum(one.emissive_texture is not None for one in source.materials))
+    found.note("emissive textures, whose light samples have their mean", sum(one.emissive_texture is not None for one in source.materials))
     return found.lines()

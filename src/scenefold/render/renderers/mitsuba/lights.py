@@ -72,7 +72,7 @@ def _surface_class(mitsuba: Mitsuba) -> Any:
             return dr.abs(cosine) > 0.0 if self._looks.double_sided or self._looks.unlit else cosine > 0.0
 
         def _radiance(self, si: Any, active: Any) -> Any:
-            radiance = self._looks.base(si, active) if self._looks.unlit else self._looks.radiance
+            radiance = self._looks.base(si, active) if self._looks.unlit else self._looks.emission(si, active)
             return dr.select(active, radiance * self._looks.opacity(si, active), 0.0)
 
         def _at(self, ds: Any) -> Any:

@@ -25,7 +25,8 @@ class Looks:
         self._metallic = mi.Float(float(row[MaterialColumn.METALLIC]))
         self._roughness = mi.Float(float(row[MaterialColumn.ROUGHNESS]))
         self._cutoff = mi.Float(float(row[MaterialColumn.ALPHA_CUTOFF]))
-        self.radiance = mi.Color3f(*(float(value) for value in row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3]))
+        emission = MaterialColumn.EMISSION if row[MaterialColumn.EMISSIVE_USE] < 0 else MaterialColumn.EMISSIVE
+        self._radiance = mi.Color3f(*(float(value) for value in row[emission : emission + 3]))
         self._transmission = mi.Float(float(row[MaterialColumn.TRANSMISSION]))
         self._specular = mi.Float(float(row[MaterialColumn.SPECULAR]))
         self._tint = mi.Color3f(*(float(value) for value in row[MaterialColumn.SPECULAR_COLOR : MaterialColumn.SPECULAR_COLOR + 3]))
@@ -40,7 +41,7 @@ class Looks:
             self._metallic,
             self._roughness,
             self._cutoff,
-            self.radiance,
+            self._radiance,
             self._transmission,
             self._specular,
             self._tint,
@@ -61,16 +62,27 @@ class Looks:
         self._clear = _Read.of(mitsuba, arrays, int(row[MaterialColumn.TRANSMISSION_USE]), slice(0, 3))
         self._weight = _Read.of(mitsuba, arrays, int(row[MaterialColumn.SPECULAR_USE]), slice(3, 4))
         self._tints = _Read.of(mitsuba, arrays, int(row[MaterialColumn.SPECULAR_COLOR_USE]), slice(0, 3))
+        self._glow = _Read.of(mitsuba, arrays, int(row[MaterialColumn.EMISSIVE_USE]) if self.shines else -1, slice(0, 3))
         self._coats = _Read.of(mitsuba, arrays, int(row[MaterialColumn.CLEARCOAT_USE]), slice(0, 3))
         self._coat_roughs = _Read.of(mitsuba, arrays, int(row[MaterialColumn.CLEARCOAT_ROUGHNESS_USE]), slice(0, 3))
         self._reads = [
             read
-            for read in (self._base, self._base_alpha, self._rough, self._clear, self._weight, self._tints, self._coats, self._coat_roughs)
+            for read in (
+                self._base,
+                self._base_alpha,
+                self._rough,
+                self._clear,
+                self._weight,
+                self._tints,
+                self._coats,
+                self._coat_roughs,
+                self._glow,
+            )
             if read is not None
         ]
         self.coloured = arrays.has_colors
         """Whether its meshes have the attributes vertex_color and vertex_alpha."""
-        self.only_met = self.unlit or bool(self._mode and self.coloured)
+        self.only_met = self.unlit or bool(self._mode and self.coloured) or bool(self._glow and self._glow.second_set)
         """Whether its light is for rays that meet it: a sample of a light has no attributes of vertices."""
 
     @property
@@ -103,6 +115,10 @@ class Looks:
         """Weight and tint of the dielectric's reflection."""
         weight = self._specular if self._weight is None else self._specular * self._weight.eval_1(si, active)
         return weight, self._tint if self._tints is None else self._tint * self._tints.eval(si, active)
+
+    def emission(self, si: Any, active: Any) -> Any:
+        """Radiance, Color3f."""
+        return self._radiance if self._glow is None else self._radiance * self._glow.eval(si, active)
 
     def coat(self, si: Any, active: Any) -> tuple[Any, Any]:
         """Strength and roughness of the clear coat."""
