@@ -52,7 +52,7 @@ def develop(film: Film, names: Iterable[str], box: Box) -> dict[str, Pixels]:
 
 
 def _beauty(rows: FilmRows, _box: Box) -> F64:
-    return _radiance(rows) / _counts(rows)
+    return radiance_of(rows) / _counts(rows)
 
 
 def _part(first: int) -> Callable[[FilmRows, Box], F64]:
@@ -96,11 +96,7 @@ def _samples(rows: FilmRows, _box: Box) -> npt.NDArray[np.int32]:
 
 
 def _variance(rows: FilmRows, _box: Box) -> F64:
-    """Of each pixel's mean."""
-    counts = _counts(rows)
-    mean = _radiance(rows) / counts
-    mean_square = _as_reals(rows.square_high, rows.square_low) / SQUARE_UNIT / counts
-    return np.maximum(mean_square - mean * mean, 0.0) / np.maximum(counts - 1.0, 1.0)
+    return variance_of(rows)
 
 
 _LAYERS: Mapping[str, Callable[[FilmRows, Box], npt.NDArray[np.float64] | npt.NDArray[np.int32]]] = {
@@ -131,7 +127,7 @@ def _hits(rows: FilmRows) -> F64:
     return hits
 
 
-def _radiance(rows: FilmRows) -> F64:
+def radiance_of(rows: FilmRows) -> F64:
     """All light, float64[n, 3]: the parts are added as whole numbers, so it does not matter how many there are."""
     high, low = rows.high[:, :CHANNELS].astype(np.int64), rows.low[:, :CHANNELS]
     for first in range(CHANNELS, rows.columns.radiance, CHANNELS):
@@ -139,6 +135,15 @@ def _radiance(rows: FilmRows) -> F64:
         low = before + rows.low[:, first : first + CHANNELS]
         high = high + rows.high[:, first : first + CHANNELS] + (low < before)
     return _as_reals(high, low) / RADIANCE_UNIT
+
+
+def variance_of(rows: FilmRows) -> F64:
+    """Of each pixel's mean, float64[n, 3]."""
+    counts = _counts(rows)
+    mean = radiance_of(rows) / counts
+    mean_square = _as_reals(rows.square_high, rows.square_low) / SQUARE_UNIT / counts
+    variance: F64 = np.maximum(mean_square - mean * mean, 0.0) / np.maximum(counts - 1.0, 1.0)
+    return variance
 
 
 def _as_reals(high: npt.NDArray[np.int32] | npt.NDArray[np.int64], low: npt.NDArray[np.uint64]) -> F64:
