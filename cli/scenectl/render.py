@@ -32,6 +32,8 @@ def still(
     algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None,
+    adaptive: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1))] = None,
+    min_samples: Annotated[int | None, whole(4, SAMPLES_MAX)] = None,
     size: SizeOption | None = None,
     scale: Annotated[float, Parameter(validator=Number(gt=0, lte=1))] = 1.0,
     crop: CropOption | None = None,
@@ -84,6 +86,10 @@ def still(
         OpenEXR file to write; a PNG is written beside it.
     samples
         Paths for each pixel, by default 64, or as many as the scene says.
+    adaptive
+        Stop early where the expected error is this share of a pixel's brightness, as 0.05; --samples are then the most.
+    min_samples
+        With --adaptive: paths that every pixel has before any stops, by default 16.
     size
         Width and height in pixels, by default 640x360, or as the scene says.
     scale
@@ -157,8 +163,11 @@ def still(
         check_of_a_file("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
     moment = moment_of("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
     check_own_cluster("scenectl render still", output.profile, of_a_cluster)
+    if min_samples is not None and adaptive is None:
+        raise UsageFault("--min-samples counts with --adaptive only", where="scenectl render still", remedy="give both, or none")
     png = png_beside(to)
     from scenefold.render.client import StillOptions
+    from scenefold.render.levels import FIRST_LEVEL, Adaptive
     from scenefold.render.sampling import Sampling
     from scenefold.render.window import Window
 
@@ -179,6 +188,7 @@ def still(
         layers=layers.names,
         scale=scale,
         crop=None if crop is None else Window(*crop.numbers),
+        adaptive=None if adaptive is None else Adaptive(adaptive, FIRST_LEVEL if min_samples is None else min_samples),
         ignore_settings=ignore_settings,
     )
     options.checked()

@@ -137,6 +137,7 @@ def report_text(report: dict[str, Any]) -> str:
     for key, label in (
         ("nodes", "nodes"),
         ("passes", "passes"),
+        ("samples_per_pixel", "samples per pixel"),
         ("paths_per_second", "paths/s"),
         ("rays_per_second", "rays/s"),
         ("rays_passed", "rays passed between nodes"),

@@ -14,42 +14,38 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from scenefold.render.arrays import F64, I64
+from scenefold.render.arrays import F64
 from scenefold.render.developing import radiance_of, variance_of
-from scenefold.render.film import Film
+from scenefold.render.film import EVERY_ROW, Film, GoesOn
+from scenefold.render.film_rows import FilmRows
 from scenefold.render.sum_columns import RADIANCE_UNIT
 
-FIRST_LEVEL = 16
-"""Samples of each pixel before anything is decided: fewer say too little of a pixel's variance."""
 DARK = 0.1
+_ROWS_AT_A_TIME = 65_536
+"""So that what is computed on the way takes little memory beside the film."""
 Mask = npt.NDArray[np.bool_]
 
 
-def levels(samples: int) -> tuple[int, ...]:
-    """The counts at which is decided who goes on, and the last one, `samples`, at which all end: 16, 32, 64, …"""
-    counts = [FIRST_LEVEL]
-    while counts[-1] * 2 < samples:
-        counts.append(counts[-1] * 2)
-    return (*(count for count in counts if count < samples), samples)
-
-
-def unsettled(film: Film, target: float) -> I64:
-    """The pixels that go on after a level, ascending, int64[n]: numbers in the image, row by row from the top left.
+def going_on(film: Film, target: float, before: GoesOn = EVERY_ROW) -> GoesOn:
+    """The rows whose pixels go on after a level, uint8[rows]. A pixel that ended stays ended, so its samples are always its first ones.
 
     `target`: the relative error that is enough. `film`: the merged one, of all passes of all levels so far.
+    `before`: those that went on to the level that ends.
     """
     assert target > 0.0, "no number of samples is enough for that"
-    brightness, error = _squares(film, target)
-    noisy = film.in_order(error > brightness)
-    return np.flatnonzero(_grown(noisy))
+    least = DARK * _mean_light(film)
+    noisy = np.empty(len(film.rows.words), np.bool_)
+    for first in range(0, len(noisy), _ROWS_AT_A_TIME):
+        brightness, error = _squares(film.rows.part(first, first + _ROWS_AT_A_TIME), target, least)
+        noisy[first : first + _ROWS_AT_A_TIME] = error > brightness
+    rows = film.in_rows(_grown(film.in_order(noisy))).astype(np.uint8)
+    return rows & before if len(before) else rows
 
 
-def _squares(film: Film, target: float) -> tuple[F64, F64]:
+def _squares(rows: FilmRows, target: float, least: float) -> tuple[F64, F64]:
     """Of each row: the square of the error that is allowed, and of the error that is expected; all three channels together."""
-    rows = film.rows
     variance = variance_of(rows)
     mean = radiance_of(rows) / np.maximum(rows.samples, 1)[:, None]
-    least = DARK * _mean_light(film)
     light = mean[:, 0] * mean[:, 0] + mean[:, 1] * mean[:, 1] + mean[:, 2] * mean[:, 2]
     return target * target * np.maximum(light, least * least), variance[:, 0] + variance[:, 1] + variance[:, 2]
 

@@ -17,6 +17,7 @@ from scenefold.render.choosing import renderers_of
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import USUAL, Pixels, unpacked
 from scenefold.render.lens import lens_of
+from scenefold.render.levels import Adaptive
 from scenefold.render.pool.request import RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
 from scenefold.render.reports import Stand, image_size, report_of, stand_of
@@ -64,6 +65,8 @@ class StillOptions:
     """How far from the camera everything is sharp; with an aperture only."""
     sampling: Sampling = USUAL_SAMPLING
     environment_rotation: float = 0.0
+    adaptive: Adaptive | None = None
+    """When a pixel has fewer samples; None: never."""
     ignore_settings: bool = False
     """All that is None is as usual, whatever the scene's log says."""
 
@@ -90,6 +93,7 @@ class StillOptions:
             lens=lens_of(self.aperture, self.focus),
             sampling=self.sampling,
             environment_rotation=self.environment_rotation,
+            adaptive=self.adaptive,
         )
         options.check()
         return options

@@ -22,6 +22,9 @@ from scenefold.render.pass_sums import PassSums
 from scenefold.render.sum_columns import ALL_AOVS, PLAIN, SumColumns
 
 PART_BYTES = FRAME_BYTES_MAX // 2
+GoesOn = npt.NDArray[np.uint8]
+"""Rows, 1 for each whose pixel goes on; empty: all of them do."""
+EVERY_ROW: GoesOn = np.zeros(0, np.uint8)
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
@@ -33,10 +36,13 @@ class Film:
         self.rows = FilmRows.zeros(width * height, columns)
         self._stride = scattering_stride(width * height)
 
-    def add(self, sums: PassSums, first_path: int, stride: int) -> None:
-        """Add one closed pass, whose `sums` are complete; `stride` of the job's scattered order, which `in_order` undoes."""
+    def add(self, sums: PassSums, first_path: int, stride: int, goes_on: GoesOn = EVERY_ROW) -> None:
+        """Add one closed pass, whose `sums` are complete; `stride` of the job's scattered order, which `in_order` undoes.
+
+        `goes_on`: the rows whose paths of the pass were traced, uint8[rows].
+        """
         assert stride == self._stride and sums.columns == self.rows.columns, "a pass of another job"
-        add_pass(sums.radiance, sums.aovs, np.int64(first_path), self.rows.words, self.rows.halves)
+        add_pass(sums.radiance, sums.aovs, np.int64(first_path), goes_on, self.rows.words, self.rows.halves)
 
     def parts(self) -> Iterator[bytes]:
         """The film as byte strings of at most half a frame, in order."""
@@ -66,6 +72,15 @@ class Film:
         image = np.empty_like(values)
         image[np.arange(len(values)) * self._stride % len(values)] = values
         return image.reshape(self.height, self.width, *values.shape[1:])
+
+    def in_rows(self, image: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
+        """What stands in the order of the image, [H, W, ...], in that of the rows, [rows, ...]."""
+        pixels = self.width * self.height
+        return image.reshape(pixels, *image.shape[2:])[np.arange(pixels) * self._stride % pixels]
+
+    def clear(self) -> None:
+        """Begin anew: what it summed is part of another film now."""
+        self.rows.words[:] = 0
 
     @property
     def _part_rows(self) -> int:

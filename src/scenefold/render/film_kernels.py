@@ -37,11 +37,12 @@ def _square(value):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def add_pass(radiance, aovs, first_path, words, halves):  # type: ignore[no-untyped-def]
+def add_pass(radiance, aovs, first_path, goes_on, words, halves):  # type: ignore[no-untyped-def]
     """Add a whole pass, summed per path over all nodes: int64[paths, 3 or 9] and int32[paths, 8 or 13].
 
     Squares are taken here, once a path, of its complete radiance. words uint64[pixels, n], and halves, int32[pixels, 2 n],
     the same memory. Path n of the job belongs to row n mod pixels: consecutive paths to consecutive rows.
+    goes_on uint8[pixels], 0 for rows whose paths of the pass are none and were not traced; or uint8[0]: all are.
     """
     pixels = words.shape[0]
     parts, columns = radiance.shape[1], aovs.shape[1]
@@ -51,10 +52,12 @@ def add_pass(radiance, aovs, first_path, words, halves):  # type: ignore[no-unty
     count = half + features
     row = first_path % pixels
     sample = first_path // pixels + 1
+    chosen = goes_on.shape[0] != 0
     for path in range(radiance.shape[0]):
-        halves[row, count] += np.int32(1)
+        traced = not chosen or goes_on[row] != 0
+        halves[row, count] += np.int32(traced)
         lit = np.int64(0)
-        for column in range(parts):
+        for column in range(parts if traced else 0):
             lit |= radiance[path, column]
         if lit != 0:
             for channel in range(3):
@@ -70,7 +73,7 @@ def add_pass(radiance, aovs, first_path, words, halves):  # type: ignore[no-unty
                 after = before + low
                 words[row, parts + channel] = after
                 halves[row, half + parts + channel] += np.int32(high + np.int64(after < before))
-        if aovs[path, HIT] != 0:
+        if traced and aovs[path, HIT] != 0:
             halves[row, count + 1] += aovs[path, HIT]
             for column in range(HIT):
                 words[row, features + column] += np.uint64(np.int64(aovs[path, column]))

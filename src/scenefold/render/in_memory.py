@@ -97,5 +97,6 @@ async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, w
         lens=options.lens,
         sampling=options.sampling,
         environment_rotation=options.environment_rotation,
+        adaptive=options.adaptive,
     )
     return OneNodeJob(job, await load_share(reader, workers, job, 0))

@@ -20,7 +20,8 @@ from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.partition import Partition
 from scenefold.render.layers import USUAL, check_layers, columns_of
 from scenefold.render.lens import Lens
-from scenefold.render.passes import PassPlan
+from scenefold.render.levels import Adaptive
+from scenefold.render.passes import PassPlan, plan_of
 from scenefold.render.sampling import USUAL_SAMPLING, Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.sum_columns import SumColumns
@@ -60,11 +61,18 @@ class RenderOptions:
     sampling: Sampling = USUAL_SAMPLING
     environment_rotation: float = 0.0
     """Degrees by which the scene's environment map is turned about +Y, counter-clockwise seen from above."""
+    adaptive: Adaptive | None = None
+    """When a pixel has fewer samples; None: never."""
 
     @property
     def window(self) -> Window:
         """What is made of the image."""
         return self.crop or Window(0, 0, self.width, self.height)
+
+    @property
+    def plan(self) -> PassPlan:
+        """The passes of a job that does this; its id is not known yet."""
+        return plan_of(0, self.window.pixels, self.samples, self.adaptive)
 
     def check(self) -> None:
         """UsageFault naming the first option that is out of range."""
@@ -86,6 +94,8 @@ class RenderOptions:
             self.lens.check()
         self.sampling.check()
         check_rotation(self.environment_rotation)
+        if self.adaptive is not None:
+            self.adaptive.check()
         if self.algorithm not in ALGORITHMS:
             raise UsageFault(
                 f"there is no algorithm {self.algorithm!r}", where="algorithm", remedy=f"choose one of {', '.join(ALGORITHMS)}"
@@ -138,6 +148,7 @@ class Job:
     lens: Lens | None = None
     sampling: Sampling = USUAL_SAMPLING
     environment_rotation: float = 0.0
+    adaptive: Adaptive | None = None
 
     @property
     def window(self) -> Window:
@@ -152,7 +163,7 @@ class Job:
     @property
     def plan(self) -> PassPlan:
         """The job's passes."""
-        return PassPlan(self.id, self.window.pixels * self.samples)
+        return plan_of(self.id, self.window.pixels, self.samples, self.adaptive)
 
     def to_bytes(self) -> bytes:
         """The packed document."""
@@ -179,6 +190,7 @@ class Job:
                 "lens": None if self.lens is None else self.lens.row(),
                 "sampling": self.sampling.row(),
                 "environment_rotation": float(self.environment_rotation),
+                "adaptive": None if self.adaptive is None else self.adaptive.row(),
             }
         )
 
@@ -217,6 +229,7 @@ class Job:
             lens=Lens.of_row(document.get("lens")),
             sampling=Sampling.of_row(document.get("sampling")),
             environment_rotation=number(document.get("environment_rotation", 0.0)),
+            adaptive=Adaptive.of_row(document["adaptive"]),
         )
         if job.lens is not None:
             job.lens.check()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from scenefold.base.errors import PeerFault
@@ -16,7 +16,6 @@ from scenefold.base.plain_values import number, text, whole
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import image_bytes
-from scenefold.render.passes import PassPlan
 from scenefold.wire import MalformedPacket, unpack_value
 
 PHASES = frozenset({"preparing", "rendering", "merging", "done", "failed"})
@@ -74,10 +73,12 @@ def image_size(options: RenderOptions) -> int:
 def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[str], where: str) -> dict[str, Any]:
     """The report of a finished image (docs/reference/scenectl.md). `chosen`: addresses of those that may have rendered it."""
     with _believed(where):
-        plan = PassPlan(0, options.window.pixels * options.samples)
+        plan, least = options.plan, options.plan
+        if options.adaptive is not None:
+            least = replace(options, samples=options.adaptive.levels(options.samples)[0]).plan
         size = image_size(options)
         whole(state["image_bytes"], size, size)
-        paths, passes = whole(state["paths"], plan.paths, plan.paths), whole(state["passes"], plan.count, plan.count)
+        paths, passes = whole(state["paths"], least.paths, plan.paths), whole(state["passes"], least.count, plan.count)
         seconds = {_short(name): _seconds(value) for name, value in _few(state["seconds"].items(), _STEPS_MAX)}
         nodes = [_node(row, chosen) for row in _few(state["nodes"], POOL_NODES_MAX)]
         if not nodes:
@@ -89,6 +90,7 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
     return {
         "passes": passes,
         "paths": paths,
+        "samples_per_pixel": paths / options.window.pixels,
         "numeric_class": numeric_class,
         "paths_per_second": paths / rendering,
         "rays": rays,

@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from scenefold.render.adaptive import levels, unsettled
+from scenefold.base.errors import UsageFault
+from scenefold.render.adaptive import going_on
 from scenefold.render.film import Film
 from scenefold.render.generate_kernels import scattering_stride
+from scenefold.render.levels import Adaptive
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.sum_columns import FULL, PLAIN, SumColumns
 
@@ -37,10 +39,33 @@ def film_of(some_passes: list[PassSums], order: list[int] | None = None) -> Film
     return film
 
 
+def unsettled(film: Film, target: float) -> np.ndarray:
+    """Pixels of the image."""
+    return np.flatnonzero(film.in_order(going_on(film, target)))
+
+
 def test_levels_double_and_end_where_they_should() -> None:
+    levels = Adaptive(0.1).levels
     assert levels(64) == (16, 32, 64)
     assert levels(100) == (16, 32, 64, 100)
     assert (levels(16), levels(5), levels(17)) == ((16,), (5,), (16, 17))
+    assert Adaptive(0.1, 24).levels(60) == (24, 48, 60)
+
+
+@pytest.mark.parametrize("adaptive", [Adaptive(0.0), Adaptive(1.5), Adaptive(float("nan")), Adaptive(0.1, 1), Adaptive(0.1, 2**40)])
+def test_what_is_out_of_range_is_one_clear_error(adaptive: Adaptive) -> None:
+    with pytest.raises(UsageFault, match=r"adaptive is|min_samples is"):
+        adaptive.check()
+    with pytest.raises((UsageFault, ValueError)):
+        Adaptive.of_row(adaptive.row())
+    assert Adaptive.of_row(Adaptive(0.25, 8).row()) == Adaptive(0.25, 8)
+
+
+def test_a_pixel_that_ended_stays_ended() -> None:
+    film = film_of(passes(np.full((HEIGHT, WIDTH), 0.9)))
+    before = np.zeros(PIXELS, np.uint8)
+    before[5:9] = 1
+    assert going_on(film, 0.01, before).tolist() == before.tolist()
 
 
 @pytest.mark.parametrize("columns", [PLAIN, FULL])

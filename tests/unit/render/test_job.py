@@ -14,6 +14,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
 from scenefold.render.job import ALGORITHMS, Job, RenderOptions
 from scenefold.render.lens import Lens
+from scenefold.render.levels import Adaptive
 from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
@@ -44,6 +45,7 @@ JOB = Job(
     lens=Lens(0.1, 2.5),
     sampling=Sampling("independent", 5, None, 10.0),
     environment_rotation=-12.5,
+    adaptive=Adaptive(0.1, 8),
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")

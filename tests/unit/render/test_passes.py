@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from scenefold.base.limits import PASS_PATHS_MAX
 from scenefold.render.generate_kernels import scattering_stride
-from scenefold.render.passes import PassPlan, place_of
+from scenefold.render.levels import Adaptive
+from scenefold.render.passes import PassPlan, place_of, plan_of
 
 jobs = st.integers(0, 2**64 - 1)
 
@@ -27,6 +28,20 @@ def test_passes_cover_all_paths_once(job: int, paths: int) -> None:
         if number < last:
             assert plan.size(number) == PASS_PATHS_MAX
             assert plan.first_path(number) + plan.size(number) == plan.first_path(number + 1)
+
+
+@given(st.integers(1, 3 * PASS_PATHS_MAX), st.integers(1, 600), st.integers(4, 40))
+def test_no_pass_has_paths_of_two_levels(pixels: int, samples: int, first: int) -> None:
+    adaptive = Adaptive(0.1, first)
+    plan = plan_of(5, pixels, samples, adaptive)
+    path = number = 0
+    for level, count in enumerate(adaptive.levels(samples)):
+        while number < plan.passes_until(level):
+            assert plan.first_path(number) == path
+            assert 1 <= plan.size(number) <= PASS_PATHS_MAX
+            path, number = path + plan.size(number), number + 1
+        assert path == count * pixels
+    assert (number, path) == (plan.count, plan.paths) and plan.levels == len(adaptive.levels(samples))
 
 
 @given(jobs, st.integers(0, 2**20), st.integers(0, 2**20))

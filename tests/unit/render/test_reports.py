@@ -17,6 +17,7 @@ from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.client import _Watch
 from scenefold.render.job import RenderOptions
+from scenefold.render.levels import Adaptive
 from scenefold.render.pool.telling import failure_fields
 from scenefold.render.reports import image_size, report_of, stand_of
 from scenefold.render.window import Window
@@ -62,6 +63,20 @@ def test_a_report_says_what_the_nodes_did() -> None:
     assert (report["efficiency"], report["bytes_passed"]) == (1.0, 512 * RAY_BYTES)
     assert [one["address"] for one in report["render_nodes"]] == ADDRESSES
     assert "failure" not in report["render_nodes"][0] and report["render_nodes"][0]["busy_seconds"] == 0.25
+
+
+def test_an_adaptive_image_has_from_its_least_to_its_most_paths() -> None:
+    options = replace(OPTIONS, samples=512, adaptive=Adaptive(0.1, 64))
+
+    def paths(count: int, passes: int) -> float:
+        state = {**STATE, "paths": count, "passes": passes}
+        told: float = report_of(stand_of(pack_value(state), "127.0.0.2").document, options, ADDRESSES, "127.0.0.2")["samples_per_pixel"]
+        return told
+
+    assert (paths(256 * 64, 1), paths(256 * 100, 2), paths(256 * 512, 4)) == (64.0, 100.0, 512.0)
+    for count, passes in ((256 * 64 - 1, 1), (256 * 512 + 1, 4), (256 * 64, 0), (256 * 512, 5)):
+        with pytest.raises(PeerFault):
+            paths(count, passes)
 
 
 @pytest.mark.parametrize("key", sorted(STATE))

@@ -13,6 +13,7 @@ from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.job import RenderOptions
 from scenefold.render.lens import Lens
+from scenefold.render.levels import Adaptive
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
@@ -34,6 +35,7 @@ REQUEST = RenderRequest(
         lens=Lens(0.1, 2.5),
         sampling=Sampling("independent", 5, 2.0),
         environment_rotation=-12.5,
+        adaptive=Adaptive(0.05),
     ),
     SceneHead(5, bytes(32), 4),
 )
@@ -110,6 +112,10 @@ def test_every_entry_is_needed(key: str) -> None:
         ("lens", 5),
         ("lens", [1.0]),
         ("lens", [ENDLESS, 1.0]),
+        ("adaptive", 0.1),
+        ("adaptive", [0.1]),
+        ("adaptive", ["0.1", 16]),
+        ("adaptive", [ENDLESS, 16]),
         ("crop", 5),
         ("crop", [1, 2, 3]),
         ("crop", [1, 2, 3, ENDLESS]),
@@ -125,6 +131,8 @@ def test_an_option_out_of_range_is_told_by_its_name() -> None:
         RenderRequest.from_map(7, {**DOCUMENT, "layers": ["shine"]})
     with pytest.raises(UsageFault, match="is no part of an image of 640x360"):
         RenderRequest.from_map(7, {**DOCUMENT, "crop": [600, 0, 41, 1]})
+    with pytest.raises(UsageFault, match="adaptive is -1"):
+        RenderRequest.from_map(7, {**DOCUMENT, "adaptive": [-1, 16]})
     with pytest.raises(UsageFault, match="width is 99999"):
         RenderRequest.from_map(7, {**DOCUMENT, "width": 99_999})
 

@@ -20,7 +20,7 @@ from scenefold.base.errors import PeerFault
 from scenefold.base.rays import RAY_BYTES, RAY_WORDS
 from scenefold.render.arrays import U32
 from scenefold.render.contract import Tracer
-from scenefold.render.film import Film
+from scenefold.render.film import EVERY_ROW, Film, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
@@ -70,6 +70,7 @@ class Member:
         self._plan = job.plan
         self._own = OwnPasses(self._plan, job.nodes, me)
         self._queue = WorkQueue()
+        self._goes_on = EVERY_ROW
         self._counts: dict[int, Counts] = {}
         self._reported: dict[int, Counts] = {}
         self._sums: dict[int, dict[int, Sums]] = {}
@@ -125,6 +126,12 @@ class Member:
     def on_closed(self, node: int, number: object) -> None:
         """A pass was closed by its owner: what we kept for it may go. PeerFault or Refused if another says so."""
         self._forget(closed_pass(self._plan, len(self._job.nodes), node, number))
+
+    def begin_level(self, level: int, goes_on: GoesOn) -> None:
+        """All passes of the level before are closed, and these rows go on: open the passes of this one."""
+        self._goes_on = goes_on
+        self._own.begin_level(level)
+        self._wake()
 
     # Tasks ---------------------------------------------------------------------------------------------------
 
@@ -208,18 +215,34 @@ class Member:
         self._opening = True
         try:
             number = self._own.open_next()
-            size = self._plan.size(number)
-            rays = await self._world.workers.run(LANE, tracer.generate, self._plan.first_path(number), size)
+            rays = await self._world.workers.run(LANE, self._camera_rays, tracer, number)
         finally:
             self._opening = False
+        created = sum(map(len, rays.values()))
+        if not created:
+            # None of its pixels goes on: nobody has anything of it.
+            self._own.close(number)
+            self._wake()
+            return
         mine = rays.pop(self._me, None)
         if mine is not None:
             self._queue.put(number, mine)
         sent = self._dispatch(number, rays)
-        self._count(number, Counts(created=size, sent=sent))
+        self._count(number, Counts(created=created, sent=sent))
         self._wake()
         if not self._queue.is_busy(number):
             self._tell(number)
+
+    def _camera_rays(self, tracer: Tracer, number: int) -> dict[int, U32]:
+        """Of the paths of a pass whose pixels go on. In a worker."""
+        first, pixels = self._plan.first_path(number), self._job.window.pixels
+        rays = tracer.generate(first, self._plan.size(number))
+        if not len(self._goes_on):
+            return rays
+        kept = {
+            node: some[self._goes_on[(first + (some[:, 7] >> np.uint32(16)).astype(np.int64)) % pixels] != 0] for node, some in rays.items()
+        }
+        return {node: some for node, some in kept.items() if len(some)}
 
     # Counting ------------------------------------------------------------------------------------------------
 
@@ -308,7 +331,7 @@ class Member:
         for payload in payloads:
             total.add_bytes(payload)
         self.statistics.counters = [known + int(more) for known, more in zip(self.statistics.counters, total.counters, strict=True)]
-        self.film.add(total, self._plan.first_path(number), self._stride)
+        self.film.add(total, self._plan.first_path(number), self._stride, self._goes_on)
 
     def _packed_sums(self, number: int) -> bytes:
         return self._total(number).to_bytes()

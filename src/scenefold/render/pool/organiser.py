@@ -15,16 +15,18 @@ from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.partition import make_partition
+from scenefold.render.adaptive import going_on
 from scenefold.render.content import pair_boxes
 from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.developing import Box, develop
-from scenefold.render.film import Film
+from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.job import Job
 from scenefold.render.layers import packed
 from scenefold.render.numbers import camera_numbers, job_box
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
+from scenefold.render.pool.levels import pieces
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
@@ -58,6 +60,8 @@ class Organiser:
         self._failure: Refused | None = None
         self._states: dict[int, dict[str, Value]] = {}
         self._seconds: dict[str, float] = {}
+        self._begun_passes = 0
+        self._traced: int | None = None
         self._asked_at = self.now()
         self._scope = trio.CancelScope()
         self.image: bytes = b""
@@ -111,8 +115,8 @@ class Organiser:
         return {
             "phase": self._phase,
             **failure_fields(self._failure),
-            "passes": 0 if plan is None else plan.count,
-            "paths": 0 if plan is None else plan.paths,
+            "passes": 0 if plan is None else plan.count if self._traced is None else self._begun_passes,
+            "paths": 0 if plan is None else plan.paths if self._traced is None else self._traced,
             "closed": sum(_whole(state.get("closed")) for state in self._states.values()),
             "numeric_class": "" if self._job is None else self._job.numeric_class,
             "image_bytes": len(self.image),
@@ -139,11 +143,30 @@ class Organiser:
         self._phase = "rendering"
         with _Timed(self, "render"):
             await self._of_all(JobEvent(job=job.id, document=pack_value({"go": True})), ASK_S_MAX)
-            while not await self._all_closed(job):
-                await self._host.world.clock.sleep(POLL_S)
+            await self._render_levels(job)
         self._phase = "merging"
         with _Timed(self, "merge"):
-            await self._gather(job, tables)
+            await self._gather(job)
+            film = self._own_part(job.id).member().film
+            self._traced = int(film.rows.samples.sum(dtype=np.int64))
+            self.image = await self._host.world.workers.run(FILM_LANE, _image, film, job.layers, job_box(tables))
+
+    async def _render_levels(self, job: Job) -> None:
+        """Level by level until the last one, or until no pixel goes on; without adaptive sampling there is one."""
+        goes_on = EVERY_ROW
+        for level in range(job.plan.levels):
+            if level:
+                assert job.adaptive is not None
+                await self._gather(job)
+                film = self._own_part(job.id).member().film
+                goes_on = await self._host.world.workers.run(FILM_LANE, going_on, film, job.adaptive.noise, goes_on)
+                if not goes_on.any():
+                    return
+                for piece in pieces(level, goes_on):
+                    await self._of_all(JobEvent(job=job.id, document=pack_value(piece)), ASK_S_MAX)
+            self._begun_passes = job.plan.passes_until(level)
+            while not await self._all_closed(job):
+                await self._host.world.clock.sleep(POLL_S)
 
     async def _plan(self, request: RenderRequest, keys: EpochKeys) -> tuple[Job, SceneTables]:
         host = self._host
@@ -198,6 +221,7 @@ class Organiser:
             lens=options.lens,
             sampling=options.sampling,
             environment_rotation=options.environment_rotation,
+            adaptive=options.adaptive,
         )
 
     def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:
@@ -223,15 +247,15 @@ class Organiser:
         async with trio.open_nursery() as nursery:
             for index, node in enumerate(job.nodes):
                 nursery.start_soon(look, index, node)
-        return sum(_whole(state.get("closed")) for state in self._states.values()) == job.plan.count
+        return sum(_whole(state.get("closed")) for state in self._states.values()) == self._begun_passes
 
-    async def _gather(self, job: Job, tables: SceneTables) -> None:
+    async def _gather(self, job: Job) -> None:
+        """Everybody's film into ours."""
         part = self._own_part(job.id)
         async with trio.open_nursery() as nursery:
             for neighbour in (part.me - 1, part.me + 1):
                 if 0 <= neighbour < len(job.nodes):
                     nursery.start_soon(part.collect_film, neighbour)
-        self.image = await self._host.world.workers.run(FILM_LANE, _image, part.member().film, job.layers, job_box(tables))
 
     async def _of_all(self, packet: Packet, timeout_s: float) -> None:
         """Ask all nodes of the job; the first refusal is ours."""

@@ -47,13 +47,19 @@ class OwnPasses:
         self._waiting.reverse()
         self._nodes = len(nodes)
         self._open_max = PASSES_IN_FLIGHT if len(nodes) < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
+        self._plan = plan
+        self._until = plan.passes_until(0)
         self.total = len(self._waiting)
         self.closed = 0
         self.ledgers: dict[int, PassLedger] = {}
 
     def may_open(self) -> bool:
         """Whether a pass waits and few enough are open."""
-        return bool(self._waiting) and len(self.ledgers) < self._open_max
+        return bool(self._waiting) and self._waiting[-1] < self._until and len(self.ledgers) < self._open_max
+
+    def begin_level(self, level: int) -> None:
+        """The passes of this level, and of those before, may be opened."""
+        self._until = self._plan.passes_until(level)
 
     def open_next(self) -> int:
         """Open the next pass; its number."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from typing import Any
 
 import trio
 
@@ -15,6 +16,7 @@ from scenefold.render.job import Job
 from scenefold.render.layers import image_bytes
 from scenefold.render.pool.hold import Hold
 from scenefold.render.pool.host import Host
+from scenefold.render.pool.levels import Gathered
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
@@ -56,6 +58,7 @@ class Part:
         self._ended = trio.Event()
         self._prepare_seconds = 0.0
         self._was_ready = False
+        self._gathered = Gathered(job.window.pixels, job.plan.levels)
         self.hold = Hold()
 
     async def run(self) -> None:
@@ -106,6 +109,12 @@ class Part:
         """All nodes are ready: trace."""
         self.hold.go()
         self._go.set()
+
+    def on_level(self, document: dict[str, Any]) -> None:
+        """Which pixels go on to the next level, or a piece of it. PeerFault if it does not follow on what came before."""
+        member, level = self.member(), self._gathered.take(document)
+        if level is not None:
+            member.begin_level(*level)
 
     async def end(self) -> None:
         """Stop, and free everything."""
@@ -161,6 +170,8 @@ class Part:
         for index, payload in enumerate(parts):
             packet = FilmPart(job=self.job.id, part_index=index, part_count=len(parts), payload=payload)
             await self._ask(towards, packet, PART_S_MAX)
+        # Of a level: what is added from now on is of the next one.
+        member.film.clear()
 
     async def collect_film(self, neighbour: int) -> None:
         """Ask a neighbour for its film and everything behind it; returns when it is merged into ours."""
@@ -202,7 +213,7 @@ class Part:
         """LocalFault if the image alone is more than this node may hold; found out later, it would end the node."""
         job, may = self.job, self._host.memory_bytes
         pixels = job.window.pixels
-        needs = pixels * row_bytes(job.columns) + IMAGE_COPIES * image_bytes(job.layers, pixels)
+        needs = pixels * (row_bytes(job.columns) + (job.adaptive is not None)) + IMAGE_COPIES * image_bytes(job.layers, pixels)
         if needs > may:
             raise LocalFault(
                 f"an image of {job.window.width}x{job.window.height} takes {needs >> 20} MiB of each node's memory; this one may use {may >> 20} MiB",

@@ -11,6 +11,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.render.job import HASH_BYTES, RenderOptions, layers_of_row
 from scenefold.render.lens import Lens
+from scenefold.render.levels import Adaptive
 from scenefold.render.passes import place_of
 from scenefold.render.pool.own_passes import owner_index
 from scenefold.render.sampling import Sampling
@@ -57,6 +58,7 @@ class RenderRequest:
                 "lens": None if options.lens is None else options.lens.row(),
                 "sampling": options.sampling.row(),
                 "environment_rotation": float(options.environment_rotation),
+                "adaptive": None if options.adaptive is None else options.adaptive.row(),
             }
         )
 
@@ -80,6 +82,7 @@ class RenderRequest:
                 lens=Lens.of_row(document.get("lens")),
                 sampling=Sampling.of_row(document.get("sampling")),
                 environment_rotation=number(document.get("environment_rotation", 0.0)),
+                adaptive=Adaptive.of_row(document["adaptive"]),
             )
             request = cls(
                 job,

@@ -186,6 +186,9 @@ class RenderService:
         if isinstance(document, dict) and document.get("go") is True:
             self._check_organiser(packet.job, peer)
             part.go()
+        elif isinstance(document, dict) and "level" in document:
+            self._check_organiser(packet.job, peer)
+            part.on_level(document)
         elif isinstance(document, dict) and "closed" in document:
             part.member().on_closed(self._index(part, peer), document["closed"])
         return JobAnswer(job=packet.job, reason=OK, text="")
