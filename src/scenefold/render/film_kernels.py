@@ -12,8 +12,10 @@ from numba import njit
 
 from scenefold.render.sum_columns import ALL_AOVS, HIT, MATERIAL, OBJECT, ONE_PART, POSITION, RADIANCE_UNIT, SQUARE_UNIT
 
-_SQUARE_MAX = 4398046511104.0
-"""Of one path, 2^42: 2^20 of them fit 96 bits."""
+_SQUARE_MAX = 281474976710656.0
+"""Of one path, 2^48: that of the brightest contribution. 2^15 of them fit 96 bits; what does not fit is as much as fits."""
+_HIGH_MAX = np.int32(0x7FFFFFFF)
+_LOW_MAX = np.uint64(0xFFFFFFFFFFFFFFFF)
 _LIMB = 18446744073709551616.0
 _RADIANCE_OF_UNIT = 1.0 / RADIANCE_UNIT
 
@@ -73,6 +75,8 @@ def add_pass(radiance, aovs, first_path, goes_on, words, halves):  # type: ignor
                 after = before + low
                 words[row, parts + channel] = after
                 halves[row, half + parts + channel] += np.int32(high + np.int64(after < before))
+                if halves[row, half + parts + channel] < 0:
+                    words[row, parts + channel], halves[row, half + parts + channel] = _LOW_MAX, _HIGH_MAX
         if traced and aovs[path, HIT] != 0:
             halves[row, count + 1] += aovs[path, HIT]
             for column in range(HIT):
@@ -103,6 +107,8 @@ def add_rows_of_film(words, halves, other, other_halves, parts, full):  # type: 
             after = before + other[row, word]
             words[row, word] = after
             halves[row, half + word] += np.int32(other_halves[row, half + word] + np.int64(after < before))
+            if word >= parts and halves[row, half + word] < 0:
+                words[row, word], halves[row, half + word] = _LOW_MAX, _HIGH_MAX
         for word in range(features, half // 2):
             words[row, word] += other[row, word]
         halves[row, count] += other_halves[row, count]

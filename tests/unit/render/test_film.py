@@ -15,6 +15,7 @@ from scenefold.base.errors import PeerFault
 from scenefold.render import film as film_module
 from scenefold.render.developing import develop
 from scenefold.render.film import Film
+from scenefold.render.film_kernels import add_rows_of_film
 from scenefold.render.generate_kernels import scattering_stride
 from scenefold.render.layers import BESIDE, USUAL, Pixels
 from scenefold.render.pass_sums import PassSums, packed_bytes
@@ -59,7 +60,7 @@ def test_sums_and_squares_are_those_of_whole_numbers(values: list[int], pixels: 
         pixel = path % pixels * stride % pixels
         total[pixel] += value
         real = float(value) / 2**32
-        squares[pixel] += int(min(real * real, 2.0**42) * 2**32 + 0.5)
+        squares[pixel] += int(min(real * real, 2.0**48) * 2**32 + 0.5)
         counts[pixel] += 1
     rows, order = film.rows, [row * stride % pixels for row in range(pixels)]
     assert [number_of(rows.high[row, 0], rows.low[row, 0]) for row in range(pixels)] == [total[pixel] for pixel in order]
@@ -187,6 +188,31 @@ def test_the_variance_of_dim_and_of_bright_light_is_found(light: float) -> None:
     film = Film(1, 1)
     film.add(passed, 0, 1)
     assert layers_of(film)["variance"][0, 0, 0] == pytest.approx(np.var(values) / 63, rel=1e-2)
+
+
+@pytest.mark.parametrize("light", [2.0**21, 2.0**22, 2.0**24 - 1])
+def test_a_single_bright_dot_is_no_quiet_pixel(light: float) -> None:
+    passed = PassSums.zeros(64)
+    passed.radiance[7, 0] = round(light * 2**32)
+    film = Film(1, 1)
+    film.add(passed, 0, 1)
+    values = np.zeros(64)
+    values[7] = light
+    assert layers_of(film)["variance"][0, 0, 0] == pytest.approx(np.var(values) / 63, rel=0.03)
+
+
+def test_squares_that_do_not_fit_stay_at_the_most_in_any_order() -> None:
+    bright = PassSums.zeros(60_000)
+    bright.radiance[:, 0] = (2**24 - 1) << 32
+    first, second, third = Film(1, 1), Film(1, 1), Film(1, 1)
+    for film, times in ((first, 1), (second, 2), (third, 1)):
+        for number in range(times):
+            film.add(bright, number * 60_000, 1)
+    assert first.rows.square_high[0, 0] == second.rows.square_high[0, 0] == 2**31 - 1
+    first.rows.words[:] = second.rows.words
+    add_rows_of_film(first.rows.words, first.rows.halves, third.rows.words, third.rows.halves, 3, False)
+    assert first.rows.square_high[0, 0] == 2**31 - 1 and first.rows.square_low[0, 0] == 2**64 - 1
+    assert layers_of(second)["variance"][0, 0, 0] >= 0.0
 
 
 def test_light_in_parts_adds_up_to_the_beauty_of_light_in_one() -> None:
