@@ -19,6 +19,7 @@ from scenefold.render.renderers.mitsuba import library
 from scenefold.scene.importers.source import MeshPart, SourceTexture
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.payloads.materials import AlphaMode, Material
+from scenefold.scene.payloads.punctual import PunctualLight
 from scenefold.scene.payloads.texture_uses import TextureUse, Wrap
 
 SIDE = 8
@@ -235,14 +236,20 @@ COATED = Material(
     base_color=(0.6, 0.3, 0.2, 1.0), roughness=0.8, clearcoat=0.9, clearcoat_texture=TextureUse(0),
     clearcoat_roughness=0.7, clearcoat_roughness_texture=TextureUse(0, 1),
 )  # fmt: skip
+TILTED = replace(
+    COATED, metallic=0.5, normal_texture=TextureUse(0, transform=TURNED), normal_scale=0.4,
+    clearcoat_normal_texture=TextureUse(0), clearcoat_normal_scale=0.3,
+)  # fmt: skip
 BARE = Material(base_color=(0.5, 1.0, 0.25, 1.0), base_color_texture=TextureUse(0), unlit=True)
 
 
 @pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
-@pytest.mark.parametrize("material", [TINTED, CLEAR, BARE, COATED], ids=["tinted", "clear", "unlit", "coated"])
+@pytest.mark.parametrize("material", [TINTED, CLEAR, BARE, COATED, TILTED], ids=["tinted", "clear", "unlit", "coated", "tilted"])
 def test_mitsuba_agrees(material: Material) -> None:
-    """Under an even sky, pixel by pixel."""
-    whole = scene([[square()]], [material], [EYE], textures=[image_of(TEXELS)])
+    """Under an even sky and a sun from aside, pixel by pixel."""
+    sun = PunctualLight(kind="directional", direction=(-0.6, -0.3, -np.sqrt(0.55)), color=(2.0, 2.0, 2.0))
+    texels = image_of(NORMALS if material.normal_texture else TEXELS)
+    whole = scene([[square()]], [material], [EYE], textures=[texels], punctual=[sun])
     ours, theirs = (
         KitRig(whole, load_renderer(name), 4).render("voronoi", 1, width=4, height=4, samples=1024, depth=3, sky=(1.0, 1.0, 1.0))
         for name in ("embree", "mitsuba")

@@ -56,12 +56,17 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             self.m_components = [mi.BSDFFlags.Null | both, mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.DiffuseReflection | both]
             self.m_flags = self.m_components[0] | self.m_components[1] if looks.may_pass else self.m_components[1]
 
-        def _frame(self, si: Any) -> tuple[Any, Any, Any]:
-            """(frame around the turned shading normal, turned geometric normal, viewer's direction in the world)."""
+        def _frame(self, si: Any, of_coat: bool = False) -> tuple[Any, Any, Any]:
+            """(frame around the turned shading normal, tilted by its map or by that of the coat, turned geometric normal, viewer's direction in the world)."""
             towards = si.to_world(si.wi)
             n = dr.select(dr.dot(si.n, towards) < 0.0, -si.n, si.n)
             s = dr.select(dr.dot(si.sh_frame.n, n) < 0.0, -si.sh_frame.n, si.sh_frame.n)
             s = dr.select(dr.dot(s, towards) <= _HIDDEN, n, s)
+            tilt = self.looks.coat_tilt if of_coat else self.looks.tilt
+            if tilt is not None:
+                side = dr.select(dr.dot(si.n, towards) < 0.0, -1.0, 1.0)
+                tilted = tilt.normal(si, s * side) * side
+                s = dr.select((dr.dot(tilted, towards) > _HIDDEN) & (dr.dot(tilted, n) > _HIDDEN), tilted, s)
             return mi.Frame3f(s), n, towards
 
         def _fresnel(self, f0: Any, cosine: Any, f90: Any = 1.0) -> Any:
@@ -128,10 +133,15 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             straight, share = self._chances(si, active, v)
             density = share * density + (1.0 - share) * l.z * dr.inv_pi
             if self.looks.coated:
-                veil, pick, coat_alpha = self._coat(si, v.z, active)
-                coat_value, coat_density = self._mirror(v, l, coat_alpha)
-                value = (1.0 - veil) * value + veil * coat_value
-                density = (1.0 - pick) * density + pick * coat_density
+                coat_frame, _, _ = self._frame(si, of_coat=True)
+                cv, cl = coat_frame.to_local(towards), coat_frame.to_local(out)
+                veil, pick, coat_alpha = self._coat(si, cv.z, active)
+                coat_value, coat_density = self._mirror(cv, cl, coat_alpha)
+                mirrors = active & (cv.z > 0.0) & (cl.z > 0.0) & (dr.dot(out, n) > 0.0)
+                added = dr.select(mirrors, veil * coat_value * cl.z * opacity, 0.0)
+                total = dr.select(good, (1.0 - veil) * value * opacity * l.z, 0.0) + added
+                density = dr.select(good, (1.0 - pick) * density, 0.0) + dr.select(mirrors, pick * coat_density, 0.0)
+                return dr.select(active, total, 0.0), dr.select(active, (1.0 - straight) * density, 0.0)
             if self.looks.unlit:
                 value = mi.Color3f(0.0)
             return dr.select(good, value * opacity * l.z, 0.0), dr.select(good, (1.0 - straight) * density, 0.0)
@@ -146,15 +156,25 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             passes = sample1 < straight
             rest = (sample1 - straight) / dr.maximum(1.0 - straight, 1e-9)
             if self.looks.coated:
-                _, pick, coat_alpha = self._coat(si, v.z, active)
-                alpha = dr.select(rest < pick, coat_alpha, alpha)
-                rest = dr.select(rest < pick, 0.0, (rest - pick) / dr.maximum(1.0 - pick, 1e-9))
+                coat_frame, _, _ = self._frame(si, of_coat=True)
+                cv = coat_frame.to_local(towards)
+                _, pick, coat_alpha = self._coat(si, cv.z, active)
+                off_coat = rest < pick
+                rest = (rest - pick) / dr.maximum(1.0 - pick, 1e-9)
+                coat_half, _ = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, coat_alpha, coat_alpha, True).sample(cv, sample2)
+                mirrored = mi.reflect(cv, coat_half)
             distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
             h, _ = distribution.sample(v, sample2)
             l = dr.select(rest < share, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))
+            out = frame.to_world(l)
+            leaves = l.z > 0.0
+            if self.looks.coated:
+                out = dr.select(off_coat, coat_frame.to_world(mirrored), out)
+                leaves = dr.select(off_coat, mirrored.z > 0.0, leaves)
             bs = dr.zeros(mi.BSDFSample3f)
-            bs.wo = dr.select(passes, -si.wi, si.to_local(frame.to_world(l)))
+            bs.wo = dr.select(passes, -si.wi, si.to_local(out))
             value, density = self._value_and_density(si, bs.wo, active)
+            density = dr.select(leaves, density, 0.0)
             bs.pdf = dr.select(passes, straight, density)
             bs.eta = 1.0
             bs.sampled_component = dr.select(passes, mi.UInt32(0), mi.UInt32(1))

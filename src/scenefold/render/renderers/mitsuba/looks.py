@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from scenefold.render.arrays import I64, U8, MaterialColumn, SceneArrays, TextureColumn, TextureUseColumn
+from scenefold.render.arrays import F32, I64, U8, MaterialColumn, SceneArrays, TextureColumn, TextureUseColumn
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 
 _WRAPS = ("repeat", "clamp", "mirror")
@@ -80,6 +80,9 @@ class Looks:
             )
             if read is not None
         ]
+        self.tilt = _Tilt.of(mitsuba, arrays, row, MaterialColumn.NORMAL_USE, MaterialColumn.NORMAL_SCALE)
+        self.coat_tilt = _Tilt.of(mitsuba, arrays, row, MaterialColumn.CLEARCOAT_NORMAL_USE, MaterialColumn.CLEARCOAT_NORMAL_SCALE)
+        self._reads += [tilt.read for tilt in (self.tilt, self.coat_tilt) if tilt is not None]
         self.coloured = arrays.has_colors
         """Whether its meshes have the attributes vertex_color and vertex_alpha."""
         self.only_met = self.unlit or bool(self._mode and self.coloured) or bool(self._glow and self._glow.second_set)
@@ -172,6 +175,31 @@ class _Read:
     def eval_1(self, si: Any, active: Any) -> Any:
         """One channel."""
         return self._bitmap.eval_1(self._at(si, active), active)
+
+
+class _Tilt:
+    """A normal map. Its tangents follow from set 0 of the coordinates: a flattened mesh has no others."""
+
+    def __init__(self, mitsuba: Mitsuba, arrays: SceneArrays, use: int, scale: float) -> None:
+        self._mitsuba, self._scale = mitsuba, scale
+        self.read = _Read(mitsuba, arrays, use, slice(0, 3))
+        m = arrays.texture_uses[use, TextureUseColumn.M00 : TextureUseColumn.M12 + 1].reshape(2, 3)[:, :2]
+        self._along_u, self._turn = (m[1, 1], -m[1, 0]), float(np.linalg.det(m))
+
+    @classmethod
+    def of(cls, mitsuba: Mitsuba, arrays: SceneArrays, row: F32, use: int, scale: int) -> _Tilt | None:
+        """None if the material has no such map."""
+        return cls(mitsuba, arrays, int(row[use]), float(row[scale])) if row[use] >= 0 else None
+
+    def normal(self, si: Any, n: Any) -> Any:
+        """What the map makes of the unit normal n, which looks to where corners are seen counter-clockwise."""
+        dr = self._mitsuba.dr
+        sign = -1.0 if self._turn < 0.0 else 1.0
+        tangent = (si.dp_du * float(self._along_u[0]) + si.dp_dv * float(self._along_u[1])) * sign
+        tangent = dr.normalize(tangent - n * dr.dot(n, tangent))
+        against = dr.select(dr.dot(dr.cross(si.dp_du, si.dp_dv), n) * sign > 0.0, -1.0, 1.0)
+        texel = self.read.eval(si, True) * 2.0 - 1.0
+        return dr.normalize(tangent * (texel.x * self._scale) + dr.cross(n, tangent) * (against * texel.y * self._scale) + n * texel.z)
 
 
 def _bitmap(mitsuba: Mitsuba, row: I64, texels: U8, channels: slice, how: dict[str, Any]) -> Any:
