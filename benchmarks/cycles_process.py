@@ -82,5 +82,6 @@ def _write_scene(file: Path, one: OneNodeJob) -> None:
         normals=flat.normals,
         materials=flat.materials,
         colors=rows[:, MaterialColumn.BASE : MaterialColumn.BASE + 3],
+        two_sided=rows[:, MaterialColumn.DOUBLE_SIDED] != 0.0,
         radiances=rows[:, MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3],
     )

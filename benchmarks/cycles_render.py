@@ -94,11 +94,12 @@ def _meshes(scene: Any, arrays: Any) -> None:
         normals = arrays["normals"][chosen].reshape(-1, 3)
         if len(normals) and (np.abs(normals).max(axis=1) > 0).all():
             mesh.normals_split_custom_set(normals.tolist())
-        mesh.materials.append(_material(int(number), arrays["colors"][number], arrays["radiances"][number]))
+        mesh.materials.append(_material(arrays, int(number)))
         scene.collection.objects.link(bpy.data.objects.new(mesh.name, mesh))
 
 
-def _material(number: int, color: Any, radiance: Any) -> Any:
+def _material(arrays: Any, number: int) -> Any:
+    color, radiance = arrays["colors"][number], arrays["radiances"][number]
     material = bpy.data.materials.new(f"material {number}")
     material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
@@ -108,10 +109,12 @@ def _material(number: int, color: Any, radiance: Any) -> Any:
     body.inputs["Color"].default_value = (*(float(one) for one in color), 1.0)
     surface = body.outputs["BSDF"]
     if float(radiance.max()) > 0.0:
-        # The back of a lamp is dark, as with the others.
+        # The back of a lamp is dark, as with the others, unless it shines on both sides.
         lamp, side, mix = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeNewGeometry"), nodes.new("ShaderNodeMixShader")
         lamp.inputs["Color"].default_value = (*(float(one) for one in radiance), 1.0)
-        links.new(side.outputs["Backfacing"], mix.inputs[0])
+        mix.inputs[0].default_value = 0.0
+        if not arrays["two_sided"][number]:
+            links.new(side.outputs["Backfacing"], mix.inputs[0])
         links.new(lamp.outputs["Emission"], mix.inputs[1])
         links.new(surface, mix.inputs[2])
         surface = mix.outputs["Shader"]

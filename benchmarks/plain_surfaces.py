@@ -1,4 +1,7 @@
-"""A scene whose surfaces all reflect their base colour evenly, for us and for Mitsuba, by what each is quickest with."""
+"""A scene whose surfaces all reflect their base colour evenly, for us and for Mitsuba, by what each is quickest with.
+
+Mitsuba's own area lights shine to one side; lamps with two are those of the renderer `mitsuba`.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from scenefold.render.arrays import JobNumbers, MaterialColumn
 from scenefold.render.contract import HeldScene
 from scenefold.render.flat import FlatTriangles, flat_triangles
 from scenefold.render.renderers.mitsuba.library import Mitsuba
+from scenefold.render.renderers.mitsuba.lights import surface_light
+from scenefold.render.renderers.mitsuba.looks import Looks
 
 _PLAIN = {
     MaterialColumn.METALLIC: 0.0,
@@ -47,20 +52,29 @@ def mitsuba_scene(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any
         for name, chosen in (("flat", mine & ~smooth), ("smooth", smooth)):
             if chosen.any():
                 triangles = FlatTriangles(*(column[chosen] for column in flat))
-                parts[f"mesh_{material}_{name}"] = _mesh(mi, triangles, row, radiance, has_normals=name == "smooth")
+                lamp = _lamp(mitsuba, held, int(material)) if radiance.max() > 0.0 else None
+                parts[f"mesh_{material}_{name}"] = _mesh(mi, triangles, row, lamp, has_normals=name == "smooth")
     if float(numbers.sky.max()) > 0.0:
         parts["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": numbers.sky.tolist()}}
     return mi.load_dict(parts)
 
 
-def _mesh(mi: Any, triangles: FlatTriangles, row: Any, radiance: Any, *, has_normals: bool) -> Any:
+def _lamp(mitsuba: Mitsuba, held: HeldScene, material: int) -> Any:
+    row = held.arrays.materials[material]
+    if row[MaterialColumn.DOUBLE_SIDED]:
+        return surface_light(mitsuba, Looks(mitsuba, held.arrays, material))
+    radiance = [float(one) for one in row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3]]
+    return mitsuba.mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": radiance}})
+
+
+def _mesh(mi: Any, triangles: FlatTriangles, row: Any, lamp: Any, *, has_normals: bool) -> Any:
     properties = mi.Properties()
     color = [float(value) for value in row[MaterialColumn.BASE : MaterialColumn.BASE + 3]]
     properties["mesh_bsdf"] = mi.load_dict(
         {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": color}}}
     )
-    if radiance.max() > 0.0:
-        properties["mesh_emitter"] = mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": [float(one) for one in radiance]}})
+    if lamp is not None:
+        properties["mesh_emitter"] = lamp
     count = 3 * len(triangles.materials)
     mesh = mi.Mesh("plain", count, count // 3, properties, has_vertex_normals=has_normals)
     buffers = mi.traverse(mesh)

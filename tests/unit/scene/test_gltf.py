@@ -200,26 +200,10 @@ def _with_camera(maker: Maker, **node: object) -> None:
     maker.node(camera=0, **node)
 
 
-@bad("inside out")
-def _camera_mirrored(maker: Maker) -> None:
-    _with_camera(maker, scale=[-1, 1, 1])
-
-
-@bad("inside out ")
-def _camera_flat(maker: Maker) -> None:
-    _with_camera(maker, scale=[1, 0, 1])
-
-
 @bad("between 0 and pi")
 def _camera_wide(maker: Maker) -> None:
     _with_camera(maker)
     maker.json["cameras"][0]["perspective"]["yfov"] = 3.2
-
-
-@bad("contradict")
-def _camera_near(maker: Maker) -> None:
-    _with_camera(maker)
-    maker.json["cameras"][0]["perspective"]["zfar"] = 0.1
 
 
 @bad("reached twice")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,11 @@ from scenefold.scene.payloads.punctual import LightKind, PunctualLight
 _LIGHTS: dict[str, LightKind] = {"point": "point", "spot": "spot", "directional": "directional"}
 _NONE = (0.0,) * 16
 _NAME_LETTERS_MAX = 40
+_AFFINE_ERROR_MAX = 1e-3
+_ROUNDING = 1e-6
+"""What f32 makes of a right angle, and the like."""
+_CONE_EDGE = 1e-4
+"""Radians between the cones of a spot: what is less looks as hard."""
 
 
 @dataclass(slots=True)
@@ -90,12 +95,16 @@ class NodeWalk:
             matrix = np.array(node.numbers("matrix", _NONE)).reshape(4, 4).T.copy()
             if not place is turn is size is None:
                 raise node.fault("has a matrix, which no animation can move", "matrix")
-            if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+            if np.abs(matrix[3] - (0.0, 0.0, 0.0, 1.0)).max() > _AFFINE_ERROR_MAX:
                 raise node.fault("is no affine transform", "matrix")
+            # What a program wrote by rounding.
+            self._left.note("matrices that are affine but for rounding, made so", int(matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]))
+            matrix[3] = 0.0, 0.0, 0.0, 1.0
             return matrix
         rotation = turn or node.numbers("rotation", (0.0, 0.0, 0.0, 1.0))
         if not 1e-6 < sum(value * value for value in rotation) < 1e6:
-            raise node.fault("is no rotation", "rotation")
+            self._left.note("rotations that are none, left out")
+            rotation = (0.0, 0.0, 0.0, 1.0)
         return from_parts(place or node.numbers("translation", (0.0, 0.0, 0.0)), rotation, size or node.numbers("scale", (1.0, 1.0, 1.0)))
 
     def _visit(self, number: int, node: JsonMap, world: Matrix) -> None:
@@ -111,7 +120,9 @@ class NodeWalk:
         camera = node.index("camera", len(self._cameras), "camera")
         if camera >= 0:
             name = node.text("name", "") or self._cameras[camera].text("name", "") or f"camera {number}"
-            self._found.cameras.append(self._camera(self._cameras[camera], self._unused(name), world))
+            found = self._camera(self._cameras[camera], name, world)
+            if found is not None:
+                self._found.cameras.append(replace(found, name=self._unused(name)))
         light = node.extension("KHR_lights_punctual")
         if light is not None:
             which = light.index("light", len(self._lights), "light")
@@ -159,10 +170,15 @@ class NodeWalk:
         self._names.add(unused)
         return unused
 
-    def _camera(self, entry: JsonMap, name: str, world: Matrix) -> Camera:
+    def _camera(self, entry: JsonMap, name: str, world: Matrix) -> Camera | None:
+        """None if its node leaves it nowhere to look."""
         matrix = rigid(world)
         if matrix is None:
-            raise entry.fault(f"(camera {name!r}) is mirrored or flat in the world: it would look inside out")
+            # A mirror would turn its right into its left; where it stands, looks and has its up stays.
+            matrix = rigid(world * np.array([-1.0, 1.0, 1.0, 1.0]))
+            self._left.note("cameras under a flat transform" if matrix is None else "mirrored cameras, shown unmirrored")
+        if matrix is None:
+            return None
         kind = entry.text("type")
         if kind == "perspective":
             view = entry.inner(kind)
@@ -171,17 +187,28 @@ class NodeWalk:
             aspect = view.number("aspectRatio", 0.0)
             if not 0 < yfov < math.pi:
                 raise view.fault(f"is {yfov}, not between 0 and pi", "yfov")
-            if not 0 <= near < far or not 0 <= aspect <= 1e6:
-                raise view.fault(f"has near {near}, far {far}, aspect {aspect}: they contradict each other")
-            return Camera(name, matrix, yfov=yfov, aspect=aspect, near=near)
+            return Camera(name, matrix, yfov=yfov, aspect=self._bounded(aspect, 0.0, 1e6), near=self._near(near, far))
         if kind != "orthographic":
             raise entry.fault(f"is the unknown {kind!r}", "type")
         view = entry.inner(kind)
         xmag, ymag = abs(view.number("xmag")), abs(view.number("ymag"))
         near, far = view.number("znear"), view.number("zfar")
-        if not (xmag > 0 and ymag > 0 and xmag / ymag <= 1e6 and ymag < COORDINATE_ABS_MAX and 0 <= near < far):
-            raise view.fault(f"has xmag {xmag}, ymag {ymag}, near {near}, far {far}: a view without size")
-        return Camera(name, matrix, "orthographic", ymag=ymag, aspect=xmag / ymag, near=near)
+        if not (xmag > 0 and ymag > 0 and xmag / ymag <= 1e6 and ymag < COORDINATE_ABS_MAX):
+            raise view.fault(f"has xmag {xmag}, ymag {ymag}: a view without size")
+        return Camera(name, matrix, "orthographic", ymag=ymag, aspect=xmag / ymag, near=self._near(near, far))
+
+    def _near(self, near: float, far: float) -> float:
+        """Nothing is cut off there when rendering, so two planes that contradict each other are no reason to refuse a file."""
+        if 0 <= near < far:
+            return near
+        self._left.note("near and far planes of cameras that contradict each other")
+        return 0.0
+
+    def _bounded(self, value: float, least: float, most: float) -> float:
+        self._left.note(
+            "numbers of cameras and lights outside their range, moved to its end", int(not least - _ROUNDING <= value <= most + _ROUNDING)
+        )
+        return min(max(value, least), most)
 
     def _light(self, entry: JsonMap, node: JsonMap, world: Matrix) -> None:
         kind = entry.text("type")
@@ -189,8 +216,9 @@ class NodeWalk:
             raise entry.fault(f"is the unknown {kind!r}", "type")
         intensity = entry.number("intensity", 1.0)
         tint = entry.numbers("color", (1.0, 1.0, 1.0))
-        if intensity < 0 or min(tint) < 0 or intensity * max(tint) > 1e30:
-            raise entry.fault("has a colour that is negative or beyond measure")
+        intensity, tint = self._bounded(intensity, 0.0, 1e30), tuple(self._bounded(part, 0.0, 1e30) for part in tint)
+        if intensity * max(tint) > 1e30:
+            raise entry.fault("has a colour that is beyond measure")
         axis = -world[:3, 2]
         length = math.sqrt(float((axis**2).sum()))
         if length == 0 and kind != "point":
@@ -199,8 +227,9 @@ class NodeWalk:
         way = (axis / length).tolist() if length else [0.0, 0.0, -1.0]
         spot = entry.inner("spot")
         inner, outer = spot.number("innerConeAngle", 0.0), spot.number("outerConeAngle", math.pi / 4)
-        if not 0 <= inner < outer <= math.pi / 2:
-            raise spot.fault(f"has cones of {inner} and {outer} radians")
+        outer = max(self._bounded(outer, 0.0, math.pi / 2), 2.0 * _CONE_EDGE)
+        # A hard edge is written as two cones alike.
+        inner = min(self._bounded(inner, 0.0, outer), outer - _CONE_EDGE)
         place = world[:3, 3].tolist()
         light = PunctualLight(
             name=node.text("name", "") or entry.text("name", ""),
