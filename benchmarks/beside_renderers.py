@@ -35,7 +35,7 @@ from mitsuba_rays import rays_per_path
 from plain_surfaces import all_diffuse, mitsuba_scene
 from scenefold.base.errors import LocalFault
 from scenefold.base.kernel_cache import use_kernel_cache
-from scenefold.render.contract import load_renderer
+from scenefold.render.contract import OpenScene, load_renderer
 from scenefold.render.developing import develop
 from scenefold.render.film import Film
 from scenefold.render.in_memory import OneNodeJob, one_node_job
@@ -61,6 +61,9 @@ class Renders(Protocol):
 
     name: str
 
+    def ready(self, seed: int) -> None:
+        """Do what comes once a scene, and is not counted."""
+
     def image(self, seed: int) -> F64:
         """float64[H, W, 3]"""
 
@@ -78,10 +81,16 @@ class Ours:
         self._numbers, self._plan = job_numbers(one.job, one.loaded.tables), one.job.plan
         self._box = job_box(one.loaded.tables)
         self._count = 0.0
+        self._opened: OpenScene | None = None
+
+    def ready(self, seed: int) -> None:
+        # A job's numbers hold its seed, so the trees are built again for each.
+        numbers = job_numbers(replace(self._one.job, seed=seed), self._one.loaded.tables)
+        self._opened = load_renderer("embree").open(self._one.loaded.held, numbers, self._one.job.partition, 0)
 
     def image(self, seed: int) -> F64:
-        numbers = job_numbers(replace(self._one.job, seed=seed), self._one.loaded.tables)
-        opened = load_renderer("embree").open(self._one.loaded.held, numbers, self._one.job.partition, 0)
+        numbers, opened = self._numbers, self._opened
+        assert opened is not None
         film, lock, free = Film(numbers.width, numbers.height), threading.Lock(), list(opened.tracers(self._threads))
         traced = 0
 
@@ -111,6 +120,9 @@ class Theirs:
     """Mitsuba: its own sensor, sampler and integrator."""
 
     name = "mitsuba"
+
+    def ready(self, seed: int) -> None:
+        """It was built with the scene."""
 
     def __init__(self, mitsuba: Mitsuba, one: OneNodeJob, threads: int, *, is_diffuse: bool) -> None:
         self._mitsuba, self._samples, self._depth = mitsuba, one.job.samples, one.job.depth
@@ -176,6 +188,7 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: E
     images: dict[str, list[F64]] = {renderer.name: [] for renderer in renderers}
     for number in range(options.images + 1):
         for renderer in renderers:
+            renderer.ready(1 + number)
             begun = time.perf_counter()
             image = renderer.image(1 + number)
             took_s = time.perf_counter() - begun

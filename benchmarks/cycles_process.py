@@ -57,6 +57,9 @@ class Cycles:
         self._said.close()
         self._place.cleanup()
 
+    def ready(self, seed: int) -> None:
+        """It keeps what it has built."""
+
     def image(self, seed: int) -> npt.NDArray[np.float64]:
         """float64[H, W, 3]"""
         assert self._process.stdin is not None and self._process.stdout is not None
