@@ -57,6 +57,7 @@ def still(
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
     view: Literal["agx", "filmic", "srgb"] = "agx",
     ignore_settings: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    resume: Path | None = None,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     scene: SceneOption | None = None,
@@ -136,6 +137,8 @@ def still(
         How the PNG shows light that a screen cannot: agx and filmic roll off what is bright, srgb clips it.
     ignore_settings
         Take all that is not given here as usual, whatever the scene says.
+    resume
+        File in which what is rendered is kept once in a while; the same command with it goes on from there after an interruption. It is removed once the image is written.
     threads
         Threads that each node renders with, when no profile is given.
     ports
@@ -193,7 +196,7 @@ def still(
     )
     options.checked()
     name = scene_name_of(file) if scene is None else scene
-    check_files(file, to, png)
+    check_files(file, to, png, *(() if resume is None else (resume,)))
     job = StillJob(
         file=file,
         moment=moment,
@@ -207,6 +210,7 @@ def still(
         exr=to,
         png=png,
         view=view,
+        resume=resume,
     )
     again = nullcontext() if output.profile is None else going_on("render again")
     with again, Progress(quiet=output.json) as progress:

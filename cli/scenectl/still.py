@@ -47,6 +47,8 @@ class StillJob:
     png: Path
     moment: Moment | None = None
     """Of the file; None: at rest."""
+    resume: Path | None = None
+    """The file of the kept render."""
     view: str = "agx"
     """Of the PNG: one of `scenefold.render.view.VIEWS`."""
 
@@ -114,9 +116,13 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         from scenefold.render.client import render_still
 
         with phases.time("render"):
-            result = await render_still(cluster, scene, job.options, _render_progress(progress), tell=partial(_tell_left_out, job))
+            result = await render_still(
+                cluster, scene, job.options, _render_progress(progress), tell=partial(_tell_left_out, job), resume=job.resume
+            )
         with phases.time("write"):
             written = await _write(cluster, job, result)
+            if job.resume is not None:
+                job.resume.unlink(missing_ok=True)
         nodes = [node.address for node in await cluster.nodes()]
     return {
         "scene": job.scene_name,

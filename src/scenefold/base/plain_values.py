@@ -22,6 +22,13 @@ def exactly(value: object, length: int) -> bytes:
     return value
 
 
+def flag(value: object) -> bool:
+    """Yes or no."""
+    if type(value) is not bool:
+        raise ValueError("true or false is expected")
+    return value
+
+
 def text(value: object) -> str:
     """A text."""
     if not isinstance(value, str):

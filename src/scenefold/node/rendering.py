@@ -31,6 +31,7 @@ from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
     CancelJob,
     CollectPass,
+    FetchFilm,
     FetchImage,
     FilmPart,
     JobEvent,
@@ -58,8 +59,8 @@ READS_AT_A_TIME = 3
 """Batches under way: one is fetched while another is opened."""
 
 
-ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob)
-ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, PassCounts, CollectPass, MergeFilm, FilmPart)
+ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart)
+ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, PassCounts, CollectPass, MergeFilm)
 
 
 class RenderExtension:

@@ -4,28 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 import trio
 
-from scenefold.base.errors import PeerFault, ScenefoldError, UsageFault
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, UsageFault
 from scenefold.base.ids import address_of
+from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
 from scenefold.client.sealing import SceneIdentity
 from scenefold.render.choice import Renderers
 from scenefold.render.choosing import renderers_of
+from scenefold.render.image_files import check_writable
 from scenefold.render.job import RenderOptions
+from scenefold.render.kept import KeptRender, asked_of, read_kept, write_kept
 from scenefold.render.layers import USUAL, Pixels, unpacked
 from scenefold.render.lens import lens_of
 from scenefold.render.levels import Adaptive
-from scenefold.render.pool.request import RenderRequest, organiser_of
+from scenefold.render.pool.kept_film import PIECE_BYTES, film_size
+from scenefold.render.pool.request import Keep, RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
-from scenefold.render.reports import Stand, image_size, report_of, stand_of
+from scenefold.render.reports import Stand, image_size, numeric_class_of, report_of, stand_of
 from scenefold.render.sampling import USUAL_SAMPLING, Sampling
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
-from scenefold.wire import CancelJob, FetchImage, ImagePart, JobAnswer, JobState, JobStateReply, Packet, RenderSettings, StartJob
+from scenefold.wire import (
+    CancelJob,
+    FetchFilm,
+    FetchImage,
+    FilmPart,
+    ImagePart,
+    JobAnswer,
+    JobState,
+    JobStateReply,
+    Packet,
+    RenderSettings,
+    StartJob,
+)
 
 ASK_S_MAX = 60.0
 POLL_S = 0.25
@@ -127,9 +145,19 @@ class StillResult:
 
 
 async def render_still(
-    cluster: Cluster, scene: Scene, options: StillOptions, progress: Progress, *, tell: Callable[[Renderers], None] | None = None
+    cluster: Cluster,
+    scene: Scene,
+    options: StillOptions,
+    progress: Progress,
+    *,
+    tell: Callable[[Renderers], None] | None = None,
+    resume: Path | None = None,
 ) -> StillResult:
     """Render one image and wait for it. LocalFault, Refused or Unreachable say why there is none.
+
+    `resume`: a file in which what is rendered is kept once in a while, until the image is there. If it is there before, the render goes on from it: the
+    image has the same bits as if nothing had interrupted it. LocalFault if it is of other options, DamagedData if it is no such file,
+    Refused if it is of another scene or renderer. Who has saved the image removes it.
 
     The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. They are
     chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
@@ -140,6 +168,8 @@ async def render_still(
     progress("prepare", 0, 1)
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
+    kept = None if resume is None else await cluster.in_worker("import", read_kept, resume, wanted)
+    keeper = None if resume is None else _Keeper(cluster, resume, wanted, kept)
     chosen = await renderers_of(cluster, scene)
     identity = scene.access.identity  # with nothing awaited between: these are the keys that the choice is for
     if tell is not None:
@@ -154,11 +184,14 @@ async def render_still(
     head = _head(scene, identity)
     # In render mode nobody switches the scene back before the image is there; who renders in edit mode gets what lies there at the moment.
     async with cluster.calls.leases.rendering(scene.access):
-        await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, head))
+        await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, head, None if keeper is None else keeper.keep))
         try:
-            state = await watch.until_done(progress)
+            if kept is not None:
+                await watch.send_film(kept.film)
+                kept = None
+            state = await watch.until_done(progress, keeper)
             report = report_of(state.document, wanted, [address_of(node) for node in chosen.nodes], organiser)
-            image = await watch.fetch(image_size(wanted), progress)
+            image = await watch.fetch(image_size(wanted), partial(progress, "fetch"))
         finally:
             await watch.let_go()
     exposure = options.exposure if options.exposure is not None else said.exposure
@@ -172,6 +205,25 @@ def _head(scene: Scene, identity: SceneIdentity) -> SceneHead:
     return NO_HEAD if log is None else SceneHead(identity.position, log.keys.header_key.raw, identity.read_floor)
 
 
+class _Keeper:
+    """The file of a kept render."""
+
+    def __init__(self, cluster: Cluster, path: Path, options: RenderOptions, kept: KeptRender | None) -> None:
+        check_writable(path)
+        self._cluster, self._path, self._options = cluster, path, options
+        self.keep = Keep() if kept is None else kept.keep
+        """What it holds."""
+
+    def size(self, passes: int) -> int:
+        """Of the film of so many passes."""
+        return film_size(self._options.plan, self._options.columns, self._options.window.pixels, passes)
+
+    async def write(self, keep: Keep, film: bytes) -> None:
+        """In place of what it held."""
+        await self._cluster.in_worker("import", write_kept, self._path, KeptRender(asked_of(self._options), keep, film))
+        self.keep = keep
+
+
 class _Watch:
     """One job at its organiser."""
 
@@ -183,8 +235,17 @@ class _Watch:
         if answer.reason:
             raise error_of(answer.reason, answer.text, where=self._address)
 
-    async def until_done(self, progress: Progress) -> Stand:
-        """How it stands at the end. PeerFault if the organiser says what makes no sense."""
+    async def send_film(self, film: bytes) -> None:
+        """What the job goes on from."""
+        count = -(-len(film) // PIECE_BYTES)
+        for index in range(count):
+            payload = film[index * PIECE_BYTES : (index + 1) * PIECE_BYTES]
+            answer = await self._ask(FilmPart(job=self._job, part_index=index, part_count=count, payload=payload), JobAnswer)
+            if answer.reason:
+                raise error_of(answer.reason, answer.text, where=self._address)
+
+    async def until_done(self, progress: Progress, keeper: _Keeper | None = None) -> Stand:
+        """How it stands at the end; what it keeps on the way is written down. PeerFault if the organiser says what makes no sense."""
         clock, is_prepared = self._cluster.calls.world.clock, False
         while True:
             reply = await self._ask(JobState(job=self._job), JobStateReply)
@@ -196,20 +257,38 @@ class _Watch:
                 progress("prepare", 1, 1)
             if stand.phase == "rendering":
                 progress("render", stand.closed, stand.passes)
+                if keeper is not None and stand.kept > keeper.keep.passes:
+                    await self._keep(keeper, stand)
+                    continue
             if stand.phase == "done":
                 progress("render", stand.passes, stand.passes)
                 return stand
             await clock.sleep(POLL_S)
 
-    async def fetch(self, size: int, progress: Progress) -> bytes:
+    async def _keep(self, keeper: _Keeper, stand: Stand) -> None:
+        """Fetch the newest film, and write it down. That it is kept no longer is no fault: there is a newer one, or the image."""
+        size = keeper.size(stand.kept)
+        try:
+            film = await self._fetched(size, lambda at: FetchFilm(job=self._job, passes=stand.kept, offset=at), lambda _done, _all: None)
+        except Refused as refused:
+            if refused.reason is not RejectReason.NOT_READY:
+                raise
+            await self._cluster.calls.world.clock.sleep(POLL_S)
+            return
+        await keeper.write(Keep(stand.kept, stand.content, numeric_class_of(stand, self._address)), film)
+
+    async def fetch(self, size: int, progress: Callable[[int, int], None]) -> bytes:
         """The image, which has this size. PeerFault if it has another one."""
+        return await self._fetched(size, lambda at: FetchImage(job=self._job, offset=at), progress)
+
+    async def _fetched(self, size: int, packet: Callable[[int], Packet], progress: Callable[[int, int], None]) -> bytes:
         image = bytearray()
         while len(image) < size:
-            part = await self._ask(FetchImage(job=self._job, offset=len(image)), ImagePart)
+            part = await self._ask(packet(len(image)), ImagePart)
             if part.total_bytes != size or part.offset != len(image) or not part.payload or len(image) + len(part.payload) > size:
                 raise PeerFault("a part of the image does not fit", where=self._address)
             image += part.payload
-            progress("fetch", len(image), size)
+            progress(len(image), size)
         return bytes(image)
 
     async def let_go(self) -> None:

@@ -16,7 +16,7 @@ from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.image_limits import DEPTH_MAX, SAMPLES_MAX, SIDE_MAX, SKY_MAX
 from scenefold.base.limits import POOL_NODES_MAX
-from scenefold.base.plain_values import exactly, number, text, whole
+from scenefold.base.plain_values import exactly, flag, number, text, whole
 from scenefold.partition import Partition
 from scenefold.render.layers import USUAL, check_layers, columns_of
 from scenefold.render.lens import Lens
@@ -68,6 +68,11 @@ class RenderOptions:
     def window(self) -> Window:
         """What is made of the image."""
         return self.crop or Window(0, 0, self.width, self.height)
+
+    @property
+    def columns(self) -> SumColumns:
+        """Of the sums of its passes."""
+        return columns_of(self.layers)
 
     @property
     def plan(self) -> PassPlan:
@@ -149,6 +154,8 @@ class Job:
     sampling: Sampling = USUAL_SAMPLING
     environment_rotation: float = 0.0
     adaptive: Adaptive | None = None
+    keeps: bool = False
+    """Whether its films are kept, so that the nodes tell a digest of what they hold."""
 
     @property
     def window(self) -> Window:
@@ -191,6 +198,7 @@ class Job:
                 "sampling": self.sampling.row(),
                 "environment_rotation": float(self.environment_rotation),
                 "adaptive": None if self.adaptive is None else self.adaptive.row(),
+                "keeps": self.keeps,
             }
         )
 
@@ -230,6 +238,7 @@ class Job:
             sampling=Sampling.of_row(document.get("sampling")),
             environment_rotation=number(document.get("environment_rotation", 0.0)),
             adaptive=Adaptive.of_row(document["adaptive"]),
+            keeps=flag(document["keeps"]),
         )
         if job.lens is not None:
             job.lens.check()

@@ -52,6 +52,10 @@ class PassPlan:
         level, _ = self._level_of(number)
         return min(PASS_PATHS_MAX, (*self.inner_ends, self.paths)[level] - self.first_path(number))
 
+    def level_of(self, number: int) -> int:
+        """The level that a pass is of."""
+        return self._level_of(number)[0]
+
     def _level_of(self, number: int) -> tuple[int, int]:
         """The level of a pass, and how many passes come before that."""
         lasts = self._last_passes()

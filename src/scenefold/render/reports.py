@@ -12,9 +12,9 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.limits import POOL_NODES_MAX
-from scenefold.base.plain_values import number, text, whole
+from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.base.rays import RAY_BYTES
-from scenefold.render.job import RenderOptions
+from scenefold.render.job import HASH_BYTES, RenderOptions
 from scenefold.render.layers import image_bytes
 from scenefold.wire import MalformedPacket, unpack_value
 
@@ -48,6 +48,10 @@ class Stand:
     phase: str
     closed: int
     passes: int
+    kept: int
+    """The newest film that can be fetched is of all passes below this one; 0: there is none."""
+    content: bytes
+    """Of the scene, once it is known; else zeros."""
     failure_reason: int
     failure: str
     document: dict[str, Any]
@@ -62,12 +66,19 @@ def stand_of(packed: bytes, where: str) -> Stand:
             raise ValueError("a phase is expected")
         passes = whole(document["passes"], 0, _COUNT_MAX)
         reason, failure = whole(document["failure_reason"], 0, 255), text(document["failure"])
-        return Stand(document["phase"], whole(document["closed"], 0, passes), passes, reason, failure, document)
+        closed, kept = whole(document["closed"], 0, passes), whole(document["kept_passes"], 0, passes)
+        return Stand(document["phase"], closed, passes, kept, exactly(document["content"], HASH_BYTES), reason, failure, document)
 
 
 def image_size(options: RenderOptions) -> int:
     """The bytes of a finished image."""
     return image_bytes(options.layers, options.window.pixels)
+
+
+def numeric_class_of(stand: Stand, where: str) -> str:
+    """What the organiser says of it; PeerFault if that is none."""
+    with _believed(where):
+        return _short(stand.document["numeric_class"])
 
 
 def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[str], where: str) -> dict[str, Any]:
@@ -79,6 +90,7 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         size = image_size(options)
         whole(state["image_bytes"], size, size)
         paths, passes = whole(state["paths"], least.paths, plan.paths), whole(state["passes"], least.count, plan.count)
+        before = whole(state["paths_before"], 0, paths)
         seconds = {_short(name): _seconds(value) for name, value in _few(state["seconds"].items(), _STEPS_MAX)}
         nodes = [_node(row, chosen) for row in _few(state["nodes"], POOL_NODES_MAX)]
         if not nodes:
@@ -92,7 +104,8 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         "paths": paths,
         "samples_per_pixel": paths / options.window.pixels,
         "numeric_class": numeric_class,
-        "paths_per_second": paths / rendering,
+        "paths_before": before,
+        "paths_per_second": (paths - before) / rendering,
         "rays": rays,
         "rays_per_second": rays / rendering,
         "cell_visits": sum(casts),

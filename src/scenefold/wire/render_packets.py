@@ -1,4 +1,4 @@
-"""Packets 48 to 60: jobs, their passes and their images (design of the renderer; not in the thesis).
+"""Packets 48 to 60, and 126: jobs, their passes and their images (design of the renderer; not in the thesis).
 
 Documents are maps that the sender packed with `pack_value`; they stay bytes here, because what is in them is
 the renderer's business, and because a job's hash is the hash of these bytes.
@@ -140,6 +140,17 @@ class JobEvent(Packet):
     document: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class FetchFilm(Packet):
+    """The film that a job's organiser keeps of its passes below `passes`; the answer is an ImagePart."""
+
+    TYPE: ClassVar[int] = 126
+    BULK_ANSWER: ClassVar[bool] = True
+    job: int
+    passes: int
+    offset: int
+
+
 _JOB = ("job", U64)
 _PASS = (_JOB, ("pass_index", U32), ("attempt", U64))
 _LEDGER = (("created", U64), ("retired", U64), ("sent", U64), ("received", U64))
@@ -160,4 +171,5 @@ ROWS = (
     row(ImagePart, Carrier.TCP_LOW, _JOB, ("total_bytes", U64), ("offset", U64), ("payload", PART), law=Order("offset", "total_bytes")),
     row(CancelJob, Carrier.TCP_LOW, _JOB),
     row(JobEvent, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
+    row(FetchFilm, Carrier.TCP_LOW, _JOB, ("passes", U32), ("offset", U64)),
 )

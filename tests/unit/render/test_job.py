@@ -46,6 +46,7 @@ JOB = Job(
     sampling=Sampling("independent", 5, None, 10.0),
     environment_rotation=-12.5,
     adaptive=Adaptive(0.1, 8),
+    keeps=True,
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")

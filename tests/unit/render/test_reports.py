@@ -45,6 +45,9 @@ STATE: dict[str, Any] = {
     "closed": 1,
     "numeric_class": "embree",
     "image_bytes": SIZE,
+    "paths_before": 0,
+    "kept_passes": 0,
+    "content": bytes(32),
     "seconds": {"plan": 0.5, "render": 2.0},
     "nodes": [node(address) for address in ADDRESSES],
 }

@@ -14,7 +14,7 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.render.job import RenderOptions
 from scenefold.render.lens import Lens
 from scenefold.render.levels import Adaptive
-from scenefold.render.pool.request import RenderRequest
+from scenefold.render.pool.request import Keep, RenderRequest
 from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
@@ -38,6 +38,7 @@ REQUEST = RenderRequest(
         adaptive=Adaptive(0.05),
     ),
     SceneHead(5, bytes(32), 4),
+    Keep(2, bytes(range(32)), "embree"),
 )
 DOCUMENT: dict[str, Any] = unpack_value(REQUEST.to_bytes(), what="a request")
 ENDLESS = float("inf")
@@ -116,6 +117,11 @@ def test_every_entry_is_needed(key: str) -> None:
         ("adaptive", [0.1]),
         ("adaptive", ["0.1", 16]),
         ("adaptive", [ENDLESS, 16]),
+        ("keep", 5),
+        ("keep", [1, bytes(32)]),
+        ("keep", [1, bytes(31), "embree"]),
+        ("keep", [2**32, bytes(32), "embree"]),
+        ("keep", [10**6, bytes(32), "embree"]),
         ("crop", 5),
         ("crop", [1, 2, 3]),
         ("crop", [1, 2, 3, ENDLESS]),

@@ -32,22 +32,24 @@ class Gathered:
 
     def __init__(self, rows: int, levels: int) -> None:
         self._rows, self._levels = rows, levels
-        self._level = 0
+        self._level = self._coming = 0
         self._bits = bytearray()
 
-    def take(self, document: dict[str, Any]) -> tuple[int, GoesOn] | None:
-        """The level and its rows once all is there. PeerFault for what is not the next piece of the next level."""
+    def take(self, document: dict[str, Any]) -> GoesOn | None:
+        """The rows once all is there. PeerFault for what is not the next piece of a level, or the first one of a later level."""
         try:
             level, at, bits = whole(document["level"], 1, self._levels - 1), whole(document["at"], 0, self._rows), document["goes_on"]
             if not isinstance(bits, bytes) or not isinstance(document["last"], bool):
                 raise TypeError("bits are expected")
-            if level != self._level + 1 or at != len(self._bits) or (at + len(bits) == -(-self._rows // 8)) != document["last"]:
+            follows = level == self._coming if at else level > self._level and not self._bits
+            if not follows or at != len(self._bits) or (at + len(bits) == -(-self._rows // 8)) != document["last"]:
                 raise ValueError(f"level {level} at {at} does not follow on level {self._level} and {len(self._bits)} bytes")
         except (KeyError, TypeError, ValueError) as error:
             raise PeerFault("which pixels go on is ill-formed", where=f"{type(error).__name__}: {error}") from error
         self._bits += bits
+        self._coming = level
         if not document["last"]:
             return None
         goes_on = np.unpackbits(np.frombuffer(self._bits, np.uint8), count=self._rows, bitorder="little")
         self._level, self._bits = level, bytearray()
-        return level, goes_on
+        return goes_on

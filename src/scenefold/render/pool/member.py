@@ -127,10 +127,17 @@ class Member:
         """A pass was closed by its owner: what we kept for it may go. PeerFault or Refused if another says so."""
         self._forget(closed_pass(self._plan, len(self._job.nodes), node, number))
 
-    def begin_level(self, level: int, goes_on: GoesOn) -> None:
-        """All passes of the level before are closed, and these rows go on: open the passes of this one."""
+    def go_on_with(self, goes_on: GoesOn) -> None:
+        """All passes of the level before are closed, and these rows go on."""
         self._goes_on = goes_on
-        self._own.begin_level(level)
+
+    def skip(self, first: int) -> None:
+        """The job goes on from a film of all passes below this one."""
+        self._own.skip(first)
+
+    def release(self, until: int) -> None:
+        """Open passes below this one."""
+        self._own.release(until)
         self._wake()
 
     # Tasks ---------------------------------------------------------------------------------------------------

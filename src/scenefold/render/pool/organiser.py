@@ -19,24 +19,29 @@ from scenefold.render.adaptive import going_on
 from scenefold.render.content import pair_boxes
 from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.developing import Box, develop
-from scenefold.render.film import EVERY_ROW, Film
+from scenefold.render.film import EVERY_ROW, Film, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.layers import packed
 from scenefold.render.numbers import camera_numbers, job_box
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
+from scenefold.render.pool.kept_film import ComingFilm, check_memory, film_size, packed_film, stage_end, unpack_film
 from scenefold.render.pool.levels import pieces
 from scenefold.render.pool.part import Part
-from scenefold.render.pool.request import RenderRequest
+from scenefold.render.pool.request import Keep, RenderRequest
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
+from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_scene
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
 from scenefold.world import DiskFailed, QuietLog
 
 ASK_S_MAX = 30.0
+UPLOAD_S_MAX = 900.0
+"""A film to go on from, 4 MiB at a time, over whatever line the client has."""
+_ANEW = "remove the file of the kept render to begin anew"
 POLL_S = 0.2
 KEEP_S = 600.0
 """A finished image is kept this long for whoever asked for it,"""
@@ -60,6 +65,13 @@ class Organiser:
         self._failure: Refused | None = None
         self._states: dict[int, dict[str, Value]] = {}
         self._seconds: dict[str, float] = {}
+        self._keep = request.keep
+        self._digest = bytes(DIGEST_BYTES)
+        self._before = 0 if request.keep is None else request.keep.passes
+        self._paths_before = 0
+        size = film_size(request.options.plan, request.options.columns, request.options.window.pixels, self._before) if self._before else 0
+        self._coming = ComingFilm(size)
+        self._kept: tuple[int, bytes] = (0, b"")
         self._begun_passes = 0
         self._traced: int | None = None
         self._asked_at = self.now()
@@ -117,8 +129,11 @@ class Organiser:
             **failure_fields(self._failure),
             "passes": 0 if plan is None else plan.count if self._traced is None else self._begun_passes,
             "paths": 0 if plan is None else plan.paths if self._traced is None else self._traced,
-            "closed": sum(_whole(state.get("closed")) for state in self._states.values()),
+            "closed": 0 if plan is None else self._before + sum(_whole(state.get("closed")) for state in self._states.values()),
             "numeric_class": "" if self._job is None else self._job.numeric_class,
+            "paths_before": self._paths_before,
+            "kept_passes": self._kept[0],
+            "content": self._digest,
             "image_bytes": len(self.image),
             "seconds": {name: float(value) for name, value in self._seconds.items()},
             "nodes": [
@@ -140,36 +155,87 @@ class Organiser:
     async def _make_image(self, job: Job, tables: SceneTables) -> None:
         with _Timed(self, "prepare"):
             await self._of_all(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
+        if self._keep is not None:
+            await self._look_at_nodes(job)
+            self._digest = digest_of_scene(job.content, (_digest_of(state.get("digest")) for state in self._states.values()))
+            if self._keep.passes:
+                _check_kept(self._keep, self._digest, job.numeric_class)
         self._phase = "rendering"
         with _Timed(self, "render"):
-            await self._of_all(JobEvent(job=job.id, document=pack_value({"go": True})), ASK_S_MAX)
-            await self._render_levels(job)
-        self._phase = "merging"
+            goes_on = await self._film_before(job)
+            await self._of_all(_event(job, {"go": True, "from": self._before}), ASK_S_MAX)
+            await self._render_levels(job, goes_on)
+        self._phase, self._kept = "merging", (0, b"")
         with _Timed(self, "merge"):
             await self._gather(job)
-            film = self._own_part(job.id).member().film
+            film = self._film(job)
             self._traced = int(film.rows.samples.sum(dtype=np.int64))
             self.image = await self._host.world.workers.run(FILM_LANE, _image, film, job.layers, job_box(tables))
 
-    async def _render_levels(self, job: Job) -> None:
+    async def _film_before(self, job: Job) -> GoesOn:
+        """Put the film that the job goes on from into ours, if there is one; the rows that went on to the level that it is in."""
+        if not self._before:
+            return EVERY_ROW
+        with trio.move_on_after(UPLOAD_S_MAX) as scope:
+            await self._coming.whole.wait()
+        if scope.cancelled_caught:
+            raise LocalFault("the film to go on from did not come", remedy="start the render again")
+        film = self._film(job)
+        goes_on = await self._host.world.workers.run(FILM_LANE, unpack_film, self._coming.film(), film)
+        self._paths_before = int(film.rows.samples.sum(dtype=np.int64))
+        return goes_on
+
+    async def _render_levels(self, job: Job, goes_on: GoesOn) -> None:
         """Level by level until the last one, or until no pixel goes on; without adaptive sampling there is one."""
-        goes_on = EVERY_ROW
-        for level in range(job.plan.levels):
-            if level:
+        plan = job.plan
+        done = self._begun_passes = self._before
+        first = plan.level_of(done - 1) if done else 0
+        for level in range(first, plan.levels):
+            if level > first:
                 assert job.adaptive is not None
-                await self._gather(job)
-                film = self._own_part(job.id).member().film
-                goes_on = await self._host.world.workers.run(FILM_LANE, going_on, film, job.adaptive.noise, goes_on)
+                goes_on = await self._host.world.workers.run(FILM_LANE, going_on, self._film(job), job.adaptive.noise, goes_on)
                 if not goes_on.any():
                     return
+            if level:
                 for piece in pieces(level, goes_on):
-                    await self._of_all(JobEvent(job=job.id, document=pack_value(piece)), ASK_S_MAX)
-            self._begun_passes = job.plan.passes_until(level)
+                    await self._of_all(_event(job, piece), ASK_S_MAX)
+            done = await self._render_level(job, done, plan.passes_until(level), goes_on)
+
+    async def _render_level(self, job: Job, done: int, end: int, goes_on: GoesOn) -> int:
+        """In stages, if films are to be kept, after each of which one is. How many passes are closed in the end."""
+        rate = None
+        while done < end:
+            begun, until = self.now(), stage_end(done, end, len(job.nodes), rate) if self._keep is not None else end
+            self._begun_passes = until
+            await self._of_all(_event(job, {"until": until}), ASK_S_MAX)
             while not await self._all_closed(job):
                 await self._host.world.clock.sleep(POLL_S)
+            rate, done = (until - done) / max(self.now() - begun, 1e-3), until
+            if done < job.plan.count:
+                await self._gather(job)
+                if self._keep is not None:
+                    self._kept = done, await self._host.world.workers.run(FILM_LANE, packed_film, self._film(job), goes_on)
+        return done
+
+    def _film(self, job: Job) -> Film:
+        return self._own_part(job.id).member().film
+
+    def take_film(self, index: int, payload: bytes) -> None:
+        """A piece of the film to go on from. PeerFault if it does not follow on those before."""
+        if self._failure is not None:
+            raise told(self._failure)
+        self._coming.take(index, payload)
+
+    def kept_film(self, passes: int) -> bytes:
+        """The film of all passes below this one; Refused if another one is kept by now."""
+        if self._kept[0] != passes or not passes:
+            raise Refused(RejectReason.NOT_READY, "that film is kept no longer", remedy="ask for the newest one")
+        return self._kept[1]
 
     async def _plan(self, request: RenderRequest, keys: EpochKeys) -> tuple[Job, SceneTables]:
-        host = self._host
+        host, options = self._host, request.options
+        if self._keep is not None:
+            check_memory(options.window.pixels, options.columns, host.memory_bytes)
         async with host.reader(request.scene, request.genesis, keys, request.head) as reader:
             tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, request, tables)
@@ -222,6 +288,7 @@ class Organiser:
             sampling=options.sampling,
             environment_rotation=options.environment_rotation,
             adaptive=options.adaptive,
+            keeps=self._keep is not None,
         )
 
     def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:
@@ -232,7 +299,9 @@ class Organiser:
             raise Refused(RejectReason.NOT_READY, "this node is no member of the cluster at the moment", remedy="start the render again")
         return nodes
 
-    async def _all_closed(self, job: Job) -> bool:
+    async def _look_at_nodes(self, job: Job) -> None:
+        """Ask all nodes how they stand."""
+
         async def look(index: int, node: NodeId) -> None:
             reply = await self._host.ask(node, JobState(job=job.id), ASK_S_MAX)
             if not isinstance(reply, JobStateReply):
@@ -247,7 +316,10 @@ class Organiser:
         async with trio.open_nursery() as nursery:
             for index, node in enumerate(job.nodes):
                 nursery.start_soon(look, index, node)
-        return sum(_whole(state.get("closed")) for state in self._states.values()) == self._begun_passes
+
+    async def _all_closed(self, job: Job) -> bool:
+        await self._look_at_nodes(job)
+        return sum(_whole(state.get("closed")) for state in self._states.values()) == self._begun_passes - self._before
 
     async def _gather(self, job: Job) -> None:
         """Everybody's film into ours."""
@@ -308,6 +380,25 @@ class _Timed:
 
     def __exit__(self, *_: object) -> None:
         self._organiser.note_seconds(self._name, self._organiser.now() - self._begun)
+
+
+def _digest_of(value: Value | None) -> bytes:
+    if not isinstance(value, bytes) or len(value) != DIGEST_BYTES:
+        raise PeerFault("a node tells no digest of what it holds")
+    return value
+
+
+def _check_kept(keep: Keep, digest: bytes, numeric_class: str) -> None:
+    """LocalFault if the film to go on from is of another scene, or came about with other arithmetic."""
+    if keep.content != digest:
+        raise LocalFault("the scene is not the one that the kept render is of, or was changed", where="resume", remedy=_ANEW)
+    if keep.numeric_class != numeric_class:
+        what = f"the kept render is of the numeric class {keep.numeric_class:.60}, and the nodes render in {numeric_class:.60}"
+        raise LocalFault(what, where="resume", remedy=f"render with the same versions, or {_ANEW}")
+
+
+def _event(job: Job, document: dict[str, Value]) -> JobEvent:
+    return JobEvent(job=job.id, document=pack_value(document))
 
 
 def _image(film: Film, layers: Sequence[str], box: Box) -> bytes:

@@ -47,8 +47,7 @@ class OwnPasses:
         self._waiting.reverse()
         self._nodes = len(nodes)
         self._open_max = PASSES_IN_FLIGHT if len(nodes) < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
-        self._plan = plan
-        self._until = plan.passes_until(0)
+        self._until = 0
         self.total = len(self._waiting)
         self.closed = 0
         self.ledgers: dict[int, PassLedger] = {}
@@ -57,9 +56,14 @@ class OwnPasses:
         """Whether a pass waits and few enough are open."""
         return bool(self._waiting) and self._waiting[-1] < self._until and len(self.ledgers) < self._open_max
 
-    def begin_level(self, level: int) -> None:
-        """The passes of this level, and of those before, may be opened."""
-        self._until = self._plan.passes_until(level)
+    def skip(self, first: int) -> None:
+        """Passes below this number were closed by others before."""
+        while self._waiting and self._waiting[-1] < first:
+            self._waiting.pop()
+
+    def release(self, until: int) -> None:
+        """Passes below this number may be opened."""
+        self._until = max(self._until, until)
 
     def open_next(self) -> int:
         """Open the next pass; its number."""

@@ -9,6 +9,7 @@ import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import address_of
+from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
 from scenefold.render.contract import OpenScene, Renderer, check_layers_written
 from scenefold.render.film_rows import row_bytes
@@ -105,16 +106,27 @@ class Part:
         """Whether it held its share at some time."""
         return self._was_ready
 
-    def go(self) -> None:
-        """All nodes are ready: trace."""
+    def go(self, first: object) -> None:
+        """All nodes are ready: trace, the passes below `first` being closed already. PeerFault if that is no pass."""
+        self.member().skip(self._number(first))
         self.hold.go()
         self._go.set()
 
     def on_level(self, document: dict[str, Any]) -> None:
         """Which pixels go on to the next level, or a piece of it. PeerFault if it does not follow on what came before."""
-        member, level = self.member(), self._gathered.take(document)
-        if level is not None:
-            member.begin_level(*level)
+        member, goes_on = self.member(), self._gathered.take(document)
+        if goes_on is not None:
+            member.go_on_with(goes_on)
+
+    def release(self, until: object) -> None:
+        """Passes below this number may be opened. PeerFault if it is none."""
+        self.member().release(self._number(until))
+
+    def _number(self, value: object) -> int:
+        try:
+            return whole(value, 0, self.job.plan.count)
+        except ValueError as error:
+            raise PeerFault("the job has no such pass", where=f"pass {value!r:.40}") from error
 
     async def end(self) -> None:
         """Stop, and free everything."""
@@ -138,6 +150,7 @@ class Part:
                 "groups": len(share.groups),
                 "triangles": share.instanced_triangles,
                 "bytes_read": self._loaded.bytes_read,
+                "digest": self._loaded.digest,
                 "prepare_seconds": self._prepare_seconds,
             }
         if self._member is not None:

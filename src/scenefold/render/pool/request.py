@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, SceneId
@@ -18,10 +18,33 @@ from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
-from scenefold.wire import pack_value
+from scenefold.wire import Value, pack_value
 
 WORD = -(2**63), 2**64 - 1
 """Whole numbers of the wire. What is out of an option's own range is told with the option's name (`RenderOptions.check`)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Keep:
+    """A render of which films are kept, so that another one may go on from them."""
+
+    passes: int = 0
+    """It goes on from a film of all passes below this one; 0: it begins anew, and nothing is known of the other two."""
+    content: bytes = bytes(HASH_BYTES)
+    """Digest of the scene that the film is of."""
+    numeric_class: str = ""
+
+    def row(self) -> list[int | bytes | str]:
+        """Plain values."""
+        return [self.passes, self.content, self.numeric_class]
+
+    @classmethod
+    def of_row(cls, row: Any) -> Self | None:
+        """What `row` gave, or None for None; ValueError or TypeError for anything else."""
+        if row is None:
+            return None
+        passes, content, numeric_class = row
+        return cls(whole(passes, 0, 2**32 - 1), exactly(content, HASH_BYTES), text(numeric_class))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +57,11 @@ class RenderRequest:
     keys: SealedKeys
     options: RenderOptions
     head: SceneHead = NO_HEAD
+    keep: Keep | None = None
+    """None: no film of it is kept before it is done."""
 
     def to_bytes(self) -> bytes:
         """The packed document."""
-        options = self.options
         return pack_value(
             {
                 "request": True,
@@ -45,20 +69,8 @@ class RenderRequest:
                 "genesis": self.genesis,
                 "keys": self.keys.row(),
                 "head": self.head.row(),
-                "width": options.width,
-                "height": options.height,
-                "samples": options.samples,
-                "seed": options.seed,
-                "depth": options.depth,
-                "sky": [float(channel) for channel in options.sky],
-                "camera": options.camera,
-                "algorithm": options.algorithm,
-                "layers": list(options.layers),
-                "crop": None if options.crop is None else options.crop.row(),
-                "lens": None if options.lens is None else options.lens.row(),
-                "sampling": options.sampling.row(),
-                "environment_rotation": float(options.environment_rotation),
-                "adaptive": None if options.adaptive is None else options.adaptive.row(),
+                **options_document(self.options),
+                "keep": None if self.keep is None else self.keep.row(),
             }
         )
 
@@ -91,11 +103,34 @@ class RenderRequest:
                 SealedKeys.of_row(document["keys"]),
                 options,
                 SceneHead.of_row(document["head"]),
+                Keep.of_row(document["keep"]),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise PeerFault("a request to render is ill-formed", where=f"{type(error).__name__}: {error}") from error
         options.check()
+        if request.keep is not None and request.keep.passes >= options.plan.count:
+            raise PeerFault("a render goes on from more passes than it has", where=f"{request.keep.passes} of {options.plan.count}")
         return request
+
+
+def options_document(options: RenderOptions) -> dict[str, Value]:
+    """Options as plain values."""
+    return {
+        "width": options.width,
+        "height": options.height,
+        "samples": options.samples,
+        "seed": options.seed,
+        "depth": options.depth,
+        "sky": [float(channel) for channel in options.sky],
+        "camera": options.camera,
+        "algorithm": options.algorithm,
+        "layers": list(options.layers),
+        "crop": None if options.crop is None else options.crop.row(),
+        "lens": None if options.lens is None else options.lens.row(),
+        "sampling": options.sampling.row(),
+        "environment_rotation": float(options.environment_rotation),
+        "adaptive": None if options.adaptive is None else options.adaptive.row(),
+    }
 
 
 def organiser_of(job: int, nodes: Sequence[NodeId]) -> NodeId:

@@ -1,4 +1,4 @@
-"""The render service of a node: answers packets 48 to 60 and 23, and owns the tasks of all jobs here."""
+"""The render service of a node: answers packets 48 to 60, 126 and 23, and owns the tasks of all jobs here."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from scenefold.render.pool.telling import reason_of, words_of
 from scenefold.wire import (
     CancelJob,
     CollectPass,
+    FetchFilm,
     FetchImage,
     FilmPart,
     ImagePart,
@@ -76,7 +77,8 @@ class RenderService:
         host.handle(PassCounts, self._on_counts, nodes_only=True)
         host.handle(CollectPass, self._on_collect, nodes_only=True)
         host.handle(MergeFilm, self._on_merge, nodes_only=True)
-        host.handle(FilmPart, self._on_film, nodes_only=True)
+        host.handle(FilmPart, self._on_film, nodes_only=False)
+        host.handle(FetchFilm, self._on_fetch_film, nodes_only=False)
         async with trio.open_nursery() as nursery:
             self._nursery = nursery
             task_status.started()
@@ -146,6 +148,11 @@ class RenderService:
         payload = image[packet.offset : packet.offset + IMAGE_PART_BYTES]
         return ImagePart(job=packet.job, total_bytes=len(image), offset=packet.offset, payload=payload)
 
+    async def _on_fetch_film(self, packet: FetchFilm, peer: str) -> ImagePart:
+        film = self._organiser(packet.job, peer).kept_film(packet.passes)
+        payload = film[packet.offset : packet.offset + IMAGE_PART_BYTES]
+        return ImagePart(job=packet.job, total_bytes=len(film), offset=min(packet.offset, len(film)), payload=payload)
+
     async def _on_cancel(self, packet: CancelJob, peer: str) -> JobAnswer:
         if peer.startswith("user:"):
             self._organiser(packet.job, peer).cancel()
@@ -185,10 +192,13 @@ class RenderService:
         document = unpack_value(packet.document, what="a job's event")
         if isinstance(document, dict) and document.get("go") is True:
             self._check_organiser(packet.job, peer)
-            part.go()
+            part.go(document.get("from", 0))
         elif isinstance(document, dict) and "level" in document:
             self._check_organiser(packet.job, peer)
             part.on_level(document)
+        elif isinstance(document, dict) and "until" in document:
+            self._check_organiser(packet.job, peer)
+            part.release(document["until"])
         elif isinstance(document, dict) and "closed" in document:
             part.member().on_closed(self._index(part, peer), document["closed"])
         return JobAnswer(job=packet.job, reason=OK, text="")
@@ -209,7 +219,10 @@ class RenderService:
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_film(self, packet: FilmPart, peer: str) -> JobAnswer:
-        await self._part_with(packet.job, peer).merge(packet)
+        if peer.startswith("user:"):
+            self._organiser(packet.job, peer).take_film(packet.part_index, packet.payload)
+        else:
+            await self._part_with(packet.job, peer).merge(packet)
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     # Looking up ----------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Protocol
 
 from scenefold.base.errors import DamagedData, LocalFault
@@ -14,6 +15,7 @@ from scenefold.render.content import Share, scene_arrays, share_of, worn_texture
 from scenefold.render.contract import HeldGroup, HeldScene
 from scenefold.render.job import Job
 from scenefold.render.numbers import job_numbers
+from scenefold.render.pool.whole_scene import own_groups, sum_of_groups
 from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, TEXTURES
 from scenefold.scene.payloads.document import decode_document
 from scenefold.scene.payloads.geometry import GeometryAtom
@@ -44,6 +46,8 @@ class LoadedShare:
     share: Share
     held: HeldScene
     bytes_read: int
+    digest: bytes
+    """What this node adds to the digest of the whole scene (whole_scene.py); empty unless the job's films are kept."""
 
 
 async def read_tables(reader: SceneReader, workers: Workers) -> SceneTables:
@@ -78,11 +82,29 @@ async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int) -
     tile_payloads = await reader.get_many(TEXTURES, spots)
     tiles = await workers.run(LANE, _decode_tiles, tables, textures, tile_payloads)
     bytes_read += sum(len(payload) for payload in tile_payloads if payload is not None)
+    digest = await workers.run(LANE, _digest, job, me, tables, share, payloads, atoms, textures, tile_payloads) if job.keeps else b""
     arrays = await workers.run(LANE, scene_arrays, tables, atoms, tiles)
     numbers = await workers.run(LANE, job_numbers, job, tables)
     groups = tuple(HeldGroup(group, int(tables.groups.prototypes[group]), int(tables.groups.triangles[group])) for group in share.groups)
     instances = tuple((instance, int(tables.instances.prototypes[instance])) for instance in share.instances)
-    return LoadedShare(tables, numbers, share, HeldScene(arrays, groups, instances), bytes_read)
+    return LoadedShare(tables, numbers, share, HeldScene(arrays, groups, instances), bytes_read, digest)
+
+
+def _digest(
+    job: Job,
+    me: int,
+    tables: SceneTables,
+    share: Share,
+    payloads: Sequence[bytes | None],
+    atoms: dict[int, list[GeometryAtom]],
+    textures: Sequence[int],
+    tile_payloads: Sequence[bytes | None],
+) -> bytes:
+    following, following_tiles = iter(payloads), iter(tile_payloads)
+    by_group = {int(group): list(islice(following, len(tables.groups.locations(group)))) for group in share.groups}
+    by_texture = {number: list(islice(following_tiles, len(tables.textures[number].tiles))) for number in textures}
+    groups = own_groups(tables, job.partition, me, share.groups)
+    return sum_of_groups(tables, groups, by_group, atoms, by_texture)
 
 
 def _decode_groups(tables: SceneTables, share: Share, payloads: Sequence[bytes | None]) -> dict[int, list[GeometryAtom]]:
