@@ -90,14 +90,6 @@ def _camera(maker: Maker, **node: object) -> None:
     maker.node(camera=0, name="main", **node)
 
 
-def _camera_mirrored(maker: Maker) -> None:
-    _camera(maker, scale=[-1, 1, 1])
-
-
-def _camera_flat(maker: Maker) -> None:
-    _camera(maker, scale=[1, 0, 1])
-
-
 def _camera_without_an_angle(maker: Maker) -> None:
     _camera(maker)
     maker.json["cameras"][0]["perspective"]["yfov"] = 0
@@ -114,8 +106,6 @@ def _node_cycle(maker: Maker) -> None:
         (_out_of_range, "index"),
         (_texture_missing, "wood.png"),
         (_buffer_missing, "gone.bin"),
-        (_camera_mirrored, "inside out"),
-        (_camera_flat, "inside out"),
         (_camera_without_an_angle, "yfov"),
         (_node_cycle, "nodes"),
     ],

@@ -56,7 +56,7 @@ class Waits:
     async def prepared(self) -> None:
         await trio.lowlevel.checkpoint()
 
-    def go(self) -> None:
+    def go(self, _first: int = 0) -> None:
         self.gone = True
         self.hold.go()
 
