@@ -90,11 +90,6 @@ def _camera(maker: Maker, **node: object) -> None:
     maker.node(camera=0, name="main", **node)
 
 
-def _camera_without_an_angle(maker: Maker) -> None:
-    _camera(maker)
-    maker.json["cameras"][0]["perspective"]["yfov"] = 0
-
-
 def _node_cycle(maker: Maker) -> None:
     maker.node(mesh=maker.mesh(), children=[0])
 
@@ -106,7 +101,6 @@ def _node_cycle(maker: Maker) -> None:
         (_out_of_range, "index"),
         (_texture_missing, "wood.png"),
         (_buffer_missing, "gone.bin"),
-        (_camera_without_an_angle, "yfov"),
         (_node_cycle, "nodes"),
     ],
 )

@@ -200,12 +200,6 @@ def _with_camera(maker: Maker, **node: object) -> None:
     maker.node(camera=0, **node)
 
 
-@bad("between 0 and pi")
-def _camera_wide(maker: Maker) -> None:
-    _with_camera(maker)
-    maker.json["cameras"][0]["perspective"]["yfov"] = 3.2
-
-
 @bad("reached twice")
 def _cycle(maker: Maker) -> None:
     maker.node(mesh=maker.mesh(), children=[0])

@@ -161,10 +161,23 @@ def test_too_many_materials_are_one_clear_error(tmp_path: Path) -> None:
         read_scene(maker.write(tmp_path))
 
 
-@pytest.mark.parametrize("emission", [[0, -1, 0], [1e300, 0, 0]])
-def test_an_emission_beyond_measure_is_an_error(tmp_path: Path, emission: list[float]) -> None:
-    with pytest.raises(LocalFault, match="negative or beyond measure"):
-        material_with(tmp_path, emissiveFactor=emission)
+@pytest.mark.parametrize(
+    ("factor", "strength", "emission"),
+    [
+        ([0, -1, 0.5], 2.0, (0.0, 0.0, 1.0)),
+        ([0, 1, 0], -1.0, (0.0, 0.0, 0.0)),
+        ([1, 0, 0.5], 1e20, (1e12, 0.0, 1e12)),
+        ([1e300, 0, 0], 1e-24, (1e6, 0.0, 0.0)),
+    ],
+)
+def test_an_emission_outside_its_range_is_moved_to_its_end(
+    tmp_path: Path, factor: list[float], strength: float, emission: tuple[float, float, float]
+) -> None:
+    extensions = {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}
+    scene = scene_with(tmp_path, {"emissiveFactor": factor, "extensions": extensions})
+    assert scene.materials[0].emissive == pytest.approx(emission)
+    assert scene.not_carried == ["material factors outside their range, moved to its end (1)"]
+    list(plan_import(scene).items())
 
 
 def test_lamps_without_area_or_light_are_no_rows_of_the_light_table(tmp_path: Path) -> None:

@@ -64,6 +64,34 @@ def test_planes_that_cut_nothing_off_keep_nobody_from_reading(maker: Maker, tmp_
     assert (found.cameras[0].near, len(found.not_carried)) == (0.0, 1)
 
 
+@pytest.mark.parametrize(("yfov", "expected"), [(3.2, math.pi), (0.0, 0.0), (-0.5, 0.0)])
+def test_an_angle_of_view_beyond_its_range_is_moved_to_its_end(maker: Maker, tmp_path: Path, yfov: float, expected: float) -> None:
+    with_camera(maker, {"yfov": yfov})
+    found = read(maker, tmp_path)
+    assert 0.0 < found.cameras[0].yfov < math.pi, "what the camera table can hold"
+    assert found.cameras[0].yfov == pytest.approx(expected, abs=1e-5)
+    assert found.not_carried == ["numbers of cameras and lights outside their range, moved to its end (1)"]
+
+
+def test_planes_may_be_left_out(maker: Maker, tmp_path: Path) -> None:
+    maker.add("cameras", type="perspective", perspective={"yfov": 0.5})
+    maker.add("cameras", type="orthographic", orthographic={"xmag": 2.0, "ymag": 1.0})
+    maker.node(camera=0)
+    maker.node(camera=1)
+    found = read(maker, tmp_path)
+    assert ([camera.near for camera in found.cameras], found.not_carried) == ([0.0, 0.0], [])
+
+
+def test_an_instance_without_a_rotation_is_not_turned(maker: Maker, tmp_path: Path) -> None:
+    turns = np.array([[0, 0, 0, 0], [0, 0, 1, 0]], "<f4")
+    instancing = {"attributes": {"ROTATION": maker.accessor(turns)}}
+    maker.node(mesh=0, extensions={"EXT_mesh_gpu_instancing": instancing})
+    found = read_scene(maker.write(tmp_path))
+    assert np.array_equal(found.placed_matrices[1], np.eye(4))
+    assert found.placed_matrices[2].diagonal() == pytest.approx([-1, -1, 1, 1])
+    assert found.not_carried == ["rotations that are none, left out (1)"]
+
+
 @pytest.mark.parametrize(
     ("cones", "expected", "notes"),
     [

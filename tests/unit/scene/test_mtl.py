@@ -43,6 +43,18 @@ def test_numbers_outside_their_range_are_moved_and_counted(tmp_path: Path) -> No
     assert scene.not_carried == ["OBJ material numbers outside their range, moved to its end (3)"]
 
 
+@pytest.mark.parametrize("line", ["Ni 0", "Ke -1 0 0", "Kd 3 0 0", "Ns -5", "Ni 1000", "Ke 0 0 1e13", "Kd 0 0 -1", "Ns 1e9"])
+def test_every_number_that_is_moved_is_counted(tmp_path: Path, line: str) -> None:
+    scene = scene_of(tmp_path, line + "\n")
+    assert scene.not_carried == ["OBJ material numbers outside their range, moved to its end (1)"]
+    list(plan_import(scene).items())
+
+
+def test_a_colour_that_a_picture_replaces_is_moved_nowhere(tmp_path: Path) -> None:
+    image(tmp_path, "a.png", (1, 2, 3, 255))
+    assert scene_of(tmp_path, "Kd 3 3 3\nmap_Kd a.png\n").not_carried == []
+
+
 def test_roughness_and_metallic_come_into_one_image(tmp_path: Path) -> None:
     image(tmp_path, "rough.png", (10, 10, 10, 255))
     image(tmp_path, "metal.png", (200, 200, 200, 255), (8, 4))

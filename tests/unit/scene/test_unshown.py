@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from scenefold.scene.importers.source import MeshPart, SourceScene
 from scenefold.scene.importers.unshown import unshown
 from scenefold.scene.payloads.materials import Material
+from scenefold.scene.payloads.punctual import PunctualLight
 from scenefold.scene.payloads.texture_uses import TextureUse
 
 CORNERS = np.eye(3, dtype=np.float32)
@@ -35,3 +38,8 @@ def test_what_is_kept_for_later_is_named_once_with_its_number() -> None:
         "emissive textures, whose light samples have their mean (1)",
         "insides of glass, kept but not rendered yet (1)",
     ]
+
+
+def test_where_a_light_is_cut_off_is_kept_only() -> None:
+    lamps = [PunctualLight(kind="point", color=(1.0, 1.0, 1.0), range=reach) for reach in (0.0, 5.0, 2.0)]
+    assert unshown(replace(scene(Material()), punctual=lamps)) == ["ranges of punctual lights, kept but not rendered yet (2)"]

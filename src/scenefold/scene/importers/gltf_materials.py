@@ -103,12 +103,12 @@ class GltfMaterials:
         }
 
     def _emission(self, entry: JsonMap) -> tuple[float, ...]:
-        factor = entry.numbers("emissiveFactor", (0.0, 0.0, 0.0))
+        factor = self._colour(entry, "emissiveFactor", (0.0, 0.0, 0.0), VALUE_MAX)
         extension = entry.extension("KHR_materials_emissive_strength")
-        strength = extension.number("emissiveStrength", 1.0) if extension else 1.0
-        if strength < 0 or min(factor) < 0 or strength * max(factor) > _EMISSION_MAX:
-            raise entry.fault("has an emission that is negative or beyond measure")
-        return tuple(float(value * strength) for value in factor)
+        strength = self._within(extension, "emissiveStrength", 1.0, 0.0, VALUE_MAX) if extension else 1.0
+        emission = tuple(value * strength for value in factor)
+        self._left.note(CLAMPED, int(max(emission) > _EMISSION_MAX))
+        return tuple(min(value, _EMISSION_MAX) for value in emission)
 
     def _light_through(self, entry: JsonMap) -> dict[str, Any]:
         """Transmission, index of refraction and volume."""

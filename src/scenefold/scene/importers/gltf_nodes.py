@@ -25,6 +25,11 @@ _ROUNDING = 1e-6
 """What f32 makes of a right angle, and the like."""
 _CONE_EDGE = 1e-4
 """Radians between the cones of a spot: what is less looks as hard."""
+_VIEW_EDGE = 1e-6
+"""Radians between an angle of view and the ends of its range, 0 and pi, which it may not reach."""
+_FAR = 1e300
+_MOVED = "numbers of cameras and lights outside their range, moved to its end"
+_UNTURNED = "rotations that are none, left out"
 
 
 @dataclass(slots=True)
@@ -103,7 +108,7 @@ class NodeWalk:
             return matrix
         rotation = turn or node.numbers("rotation", (0.0, 0.0, 0.0, 1.0))
         if not 1e-6 < sum(value * value for value in rotation) < 1e6:
-            self._left.note("rotations that are none, left out")
+            self._left.note(_UNTURNED)
             rotation = (0.0, 0.0, 0.0, 1.0)
         return from_parts(place or node.numbers("translation", (0.0, 0.0, 0.0)), rotation, size or node.numbers("scale", (1.0, 1.0, 1.0)))
 
@@ -153,9 +158,11 @@ class NodeWalk:
         places = columns.get("TRANSLATION", np.zeros((count, 3)))
         turns = columns.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
         scales = columns.get("SCALE", np.ones((count, 3)))
-        turned = (turns**2).sum(axis=1)
-        if not (all(np.isfinite(part).all() for part in (places, turns, scales)) and (turned > 1e-6).all()):
+        if not all(np.isfinite(part).all() for part in (places, turns, scales)):
             raise instancing.fault("has an instance whose transform is none")
+        unturned = (turns**2).sum(axis=1) <= 1e-6
+        self._left.note(_UNTURNED, int(unturned.sum()))
+        turns = np.where(unturned[:, None], (0.0, 0.0, 0.0, 1.0), turns)
         copies = product(world, from_many_parts(places, turns, scales))
         if not (np.abs(copies) <= COORDINATE_ABS_MAX).all():
             raise instancing.fault("has a transform that is beyond measure")
@@ -183,16 +190,16 @@ class NodeWalk:
         if kind == "perspective":
             view = entry.inner(kind)
             yfov = view.number("yfov")
-            near, far = view.number("znear"), view.number("zfar", 1e300)
+            near, far = view.number("znear", 0.0), view.number("zfar", _FAR)
             aspect = view.number("aspectRatio", 0.0)
-            if not 0 < yfov < math.pi:
-                raise view.fault(f"is {yfov}, not between 0 and pi", "yfov")
+            self._left.note(_MOVED, int(not 0.0 < yfov < math.pi))
+            yfov = min(max(yfov, _VIEW_EDGE), math.pi - _VIEW_EDGE)
             return Camera(name, matrix, yfov=yfov, aspect=self._bounded(aspect, 0.0, 1e6), near=self._near(near, far))
         if kind != "orthographic":
             raise entry.fault(f"is the unknown {kind!r}", "type")
         view = entry.inner(kind)
         xmag, ymag = abs(view.number("xmag")), abs(view.number("ymag"))
-        near, far = view.number("znear"), view.number("zfar")
+        near, far = view.number("znear", 0.0), view.number("zfar", _FAR)
         if not (xmag > 0 and ymag > 0 and xmag / ymag <= 1e6 and ymag < COORDINATE_ABS_MAX):
             raise view.fault(f"has xmag {xmag}, ymag {ymag}: a view without size")
         return Camera(name, matrix, "orthographic", ymag=ymag, aspect=xmag / ymag, near=self._near(near, far))
@@ -205,9 +212,7 @@ class NodeWalk:
         return 0.0
 
     def _bounded(self, value: float, least: float, most: float) -> float:
-        self._left.note(
-            "numbers of cameras and lights outside their range, moved to its end", int(not least - _ROUNDING <= value <= most + _ROUNDING)
-        )
+        self._left.note(_MOVED, int(not least - _ROUNDING <= value <= most + _ROUNDING))
         return min(max(value, least), most)
 
     def _light(self, entry: JsonMap, node: JsonMap, world: Matrix) -> None:

@@ -27,6 +27,7 @@ _REFRACTING = {4, 6, 7, 9}
 _EMISSION_MAX = 1e12
 _STRENGTH_MAX = 1e6
 _IOR_MAX = 100.0
+_EXPONENT_MAX = 1e6
 _MAPS_LEFT = ("map_ks", "map_ns", "map_ka", "map_ps", "map_pc", "map_pcr", "disp", "map_disp", "decal", "map_refl", "refl")
 _LEFT = ("tf", "ps", "aniso", "anisor")
 
@@ -65,14 +66,14 @@ class _Section:
             self._left.note(f"OBJ material maps {key}", int(key in self._fields))
         for key in _LEFT:
             self._left.note(f"OBJ material statements {key}", int(key in self._fields))
-        alpha = math.sqrt(2.0 / (min(max(self._number("ns", 0.0), 0.0), 1e6) + 2.0))
+        alpha = math.sqrt(2.0 / (self._within("ns", 0.0, 0.0, _EXPONENT_MAX) + 2.0))
         surface = Material(
             name=self._name,
             metallic=self._unit("pm", 0.0),
             roughness=self._unit("pr", math.sqrt(alpha)),
             clearcoat=self._unit("pc", 0.0),
             clearcoat_roughness=self._unit("pcr", 0.0),
-            ior=min(max(self._number("ni", 1.5), 1.0), _IOR_MAX),
+            ior=self._within("ni", 1.5, 1.0, _IOR_MAX),
             double_sided=True,
         )
         return self._bent(self._shining(self._rough(self._coloured(surface))))
@@ -85,7 +86,7 @@ class _Section:
         opacity = 1.0 - self._unit("tr", 0.0) if "d" not in self._fields else self._unit("d", 1.0)
         refracts = opacity < 1 and int(min(max(self._number("illum", 2), 0), 99)) in _REFRACTING
         base, hole = self._map("map_kd"), self._map("map_d")
-        red, green, blue = ((1.0, 1.0, 1.0) if base else (min(max(value, 0.0), 1.0) for value in colour))  # fmt: skip
+        red, green, blue = (1.0, 1.0, 1.0) if base else self._bounded(colour, 1.0)
         surface = replace(
             surface,
             # A texture replaces the colour: files leave Kd at black or grey beside it.
@@ -120,7 +121,7 @@ class _Section:
         )
 
     def _shining(self, surface: Material) -> Material:
-        red, green, blue = (min(max(value, 0.0), _EMISSION_MAX) for value in self._colour("ke", (0.0, 0.0, 0.0)))
+        red, green, blue = self._bounded(self._colour("ke", (0.0, 0.0, 0.0)), _EMISSION_MAX)
         shown = self._map("map_ke")
         if shown is None:
             return replace(surface, emissive=(red, green, blue))
@@ -155,9 +156,17 @@ class _Section:
         return read_map(self._path, words) if words else None
 
     def _unit(self, key: str, default: float) -> float:
+        return self._within(key, default, 0.0, 1.0)
+
+    def _within(self, key: str, default: float, low: float, high: float) -> float:
         value = self._number(key, default)
-        self._left.note(CLAMPED, int(not 0.0 <= value <= 1.0))
-        return min(max(value, 0.0), 1.0)
+        self._left.note(CLAMPED, int(not low <= value <= high))
+        return min(max(value, low), high)
+
+    def _bounded(self, colour: tuple[float, float, float], high: float) -> tuple[float, float, float]:
+        self._left.note(CLAMPED, int(min(colour) < 0.0 or max(colour) > high))
+        red, green, blue = (min(max(value, 0.0), high) for value in colour)
+        return red, green, blue
 
     def _number(self, key: str, default: float) -> float:
         words = self._fields.get(key)
