@@ -49,7 +49,7 @@ CONTENTS: dict[str, tuple[str, bytes, str]] = {
     "an empty file": ("empty.obj", b"", "the file is empty"),
     "a scene without a triangle": ("points.obj", b"v 0 0 0\n", "the scene is empty"),
     "triangles without an area": ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "the scene is empty"),
-    "a position that is no number": ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
+    "a position that is no number": ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite corners"),
     "an index out of range": ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a face names vertex 9, but there are 3"),
 }
 
@@ -97,7 +97,7 @@ def _node_cycle(maker: Maker) -> None:
 @pytest.mark.parametrize(
     ("damage", "what"),
     [
-        (_nan, "not finite"),
+        (_nan, "finite corners"),
         (_out_of_range, "index"),
         (_texture_missing, "wood.png"),
         (_buffer_missing, "gone.bin"),

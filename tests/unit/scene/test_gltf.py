@@ -152,7 +152,7 @@ def _index(maker: Maker) -> None:
     maker.node(mesh=maker.mesh(indices=np.array([0, 1, 7], "<u2")))
 
 
-@bad("not finite")
+@bad("finite corners")
 def _nan(maker: Maker) -> None:
     maker.node(mesh=maker.mesh(np.array([[0, 0, 0], [1, 0, 0], [0, np.nan, 0]])))
 

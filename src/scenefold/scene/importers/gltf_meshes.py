@@ -12,7 +12,7 @@ from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.gltf_materials import GltfMaterials
 from scenefold.scene.importers.gltf_shapes import GltfShapes, Shape
-from scenefold.scene.importers.repair import compact, used_vertices
+from scenefold.scene.importers.repair import compact, drop_lost_triangles, used_vertices
 from scenefold.scene.importers.source import MeshPart, NotCarried
 
 _TRIANGLES_SPARE = 100_000
@@ -57,7 +57,8 @@ class GltfMeshes:
         self._count(primitive, len(triangles), shape)
         material = primitive.index("material", len(self._materials.materials) - 1, "material")
         material = self._materials.default if material < 0 else material
-        whole = self._attributes.dressed(MeshPart(positions, None, None, triangles, material), attributes)
+        bare = drop_lost_triangles(MeshPart(positions, None, None, triangles, material), self._left)
+        whole = self._attributes.dressed(bare, attributes)
         part = compact(whole)
         if shape.is_own:
             part = self._shapes.shaped(part, primitive, used_vertices(whole), shape)

@@ -79,7 +79,9 @@ class ImportPlan:
         self._forget_empty_prototypes()
         self.triangles = sum(len(run.triangles) for run in self._runs)
         if self.triangles == 0:
-            raise LocalFault("the scene is empty: no triangle has an area", where=source.name, remedy="give a file with a mesh in it")
+            raise LocalFault(
+                "the scene is empty: no triangle has finite corners and an area", where=source.name, remedy="give a file with a mesh in it"
+            )
         self._world = world_box(self._instances, self._boxes())
         self._cube = cube(*self._world)
         self._lattice = geometry_lattice(*self._cube)

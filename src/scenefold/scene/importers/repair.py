@@ -1,4 +1,4 @@
-"""Small repairs that a mesh gets when it is read: unused vertices, normals and coordinates that are none."""
+"""Small repairs that a mesh gets when it is read: unused vertices, corners, normals and coordinates that are none."""
 
 from __future__ import annotations
 
@@ -21,6 +21,16 @@ def compact(part: MeshPart) -> MeshPart:
     arrays = {name: getattr(part, name) for name in ("positions", "normals", "uvs", "uvs2", "colors", "tangents")}
     kept: dict[str, Any] = {name: None if array is None else array[used] for name, array in arrays.items()}
     return replace(part, **kept, triangles=new_number[part.triangles])
+
+
+def drop_lost_triangles(part: MeshPart, left: NotCarried) -> MeshPart:
+    """Without the triangles that have a corner whose position is not finite: where they would lie, nobody can say."""
+    finite: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(part.positions), axis=1)
+    if finite.all():
+        return part
+    whole: NDArray[np.bool_] = np.logical_and.reduce(finite[part.triangles], axis=1)
+    left.note("triangles with a corner that is not finite, left out", int(len(whole) - np.count_nonzero(whole)))
+    return replace(part, triangles=part.triangles[whole])
 
 
 def used_vertices(part: MeshPart) -> NDArray[np.bool_]:

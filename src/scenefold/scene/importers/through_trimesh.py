@@ -15,7 +15,7 @@ from scenefold.base.errors import LocalFault
 from scenefold.base.limits import COORDINATE_ABS_MAX
 from scenefold.scene.importers.faults import bad_file, readable_size
 from scenefold.scene.importers.images import linear_of_codes
-from scenefold.scene.importers.repair import compact, mend_normals, mend_uvs
+from scenefold.scene.importers.repair import compact, drop_lost_triangles, mend_normals, mend_uvs
 from scenefold.scene.importers.size_checks import check_ply, check_stl
 from scenefold.scene.importers.source import MeshPart, NotCarried, SourceScene
 from scenefold.scene.payloads.materials import Material
@@ -93,7 +93,8 @@ def mesh_part(path: Path, loaded: Mapping[str, Any], material: int, left: NotCar
     normals = _matching(loaded.get("vertex_normals"), len(positions), 3)
     uvs = _matching(getattr(loaded.get("visual"), "uv", None), len(positions), 2)
     colors = _colors(loaded.get("vertex_colors"), len(positions), left)
-    part = compact(MeshPart(positions, normals, uvs, triangles.astype(np.uint32), material, colors=colors))
+    whole = MeshPart(positions, normals, uvs, triangles.astype(np.uint32), material, colors=colors)
+    part = compact(drop_lost_triangles(whole, left))
     # NaN fails this comparison too.
     if not (np.abs(part.positions) <= COORDINATE_ABS_MAX).all():
         raise bad_file(path, "a vertex has a position that is not finite, or beyond 1e9")
@@ -137,6 +138,8 @@ def single_mesh(path: Path, parts: list[MeshPart], materials: list[Material], le
     """The scene of a format that knows no nodes."""
     filled = [part for part in parts if len(part.triangles)]
     if not filled:
-        raise LocalFault("the scene is empty: the file has no triangle", where=str(path), remedy="give a file with a mesh")
+        raise LocalFault(
+            "the scene is empty: the file has no triangle with finite corners", where=str(path), remedy="give a file with a mesh"
+        )
     place = np.eye(4)[None]
     return SourceScene(path.name, [filled], np.zeros(1, np.int64), place, materials, not_carried=left.lines())
