@@ -177,12 +177,6 @@ def _texture_elsewhere(maker: Maker) -> None:
     maker.json["images"][0]["uri"] = "/etc/hostname"
 
 
-@bad("cannot be read")
-def _texture_broken(maker: Maker) -> None:
-    _texture(maker)
-    maker.json["images"][0] = {"bufferView": maker.view(png()[:40]), "mimeType": "image/png"}
-
-
 @bad("pixels, over")
 def _texture_bomb(maker: Maker) -> None:
     _texture(maker)

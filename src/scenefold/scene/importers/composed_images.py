@@ -27,22 +27,22 @@ class ComposedImage:
         images = ([self.base] if self.base else []) + [image for _, image in self.parts]
         return " + ".join(dict.fromkeys(image.name for image in images))
 
+    @property
+    def what(self) -> str:
+        """Words for an error."""
+        return f"the texture {self.name!r}"
+
     def pixels(self) -> Pixels:
         """u8[height, width, 4]; LocalFault if a file is no image, damaged, or too large."""
         return self.decoded()[0]
 
     def decoded(self) -> tuple[Pixels, bool]:
-        """The pixels, and whether some file had more than 8 bits a channel."""
-        taken = [(channel, *image.decoded()) for channel, image in self.parts]
-        if self.base is None:
-            pixels, deep = np.full_like(taken[0][1], 255), False
-        else:
-            found, deep = self.base.decoded()
-            pixels = np.array(found)
-        for channel, part, is_deep in taken:
+        """The pixels, and False: files of more than 8 bits a channel are counted as they are read, each by itself."""
+        taken = [(channel, image.pixels()) for channel, image in self.parts]
+        pixels = np.full_like(taken[0][1], 255) if self.base is None else np.array(self.base.pixels())
+        for channel, part in taken:
             pixels[..., channel] = _resized(_scalar(part, channel), pixels.shape[0], pixels.shape[1])
-            deep = deep or is_deep
-        return pixels, deep
+        return pixels, False
 
 
 def looks_like_normals(pixels: Pixels) -> bool:

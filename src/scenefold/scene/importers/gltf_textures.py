@@ -15,6 +15,7 @@ from scenefold.scene.payloads.texture_uses import IDENTITY, TRANSFORM_MAX, Trans
 _WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
 _NEAREST, _LINEAR = 9728, 9729
 _SETS_MAX = 16
+_NAME_LETTERS_MAX = 40
 
 
 class GltfTextures:
@@ -31,7 +32,7 @@ class GltfTextures:
     def reading(self, info: JsonMap, *, srgb: bool) -> Reading | None:
         """The texture that `info` names and how it is read; None if it names none that can be read."""
         found = self._image(info)
-        if found is None:
+        if found is None or not self.list.is_readable(*found):
             return None
         uv_set = info.integer("texCoord", 0, _SETS_MAX, default=0)
         transform = IDENTITY
@@ -62,15 +63,15 @@ class GltfTextures:
         image = self._images[number]
         if image.has("uri"):
             uri = image.text("uri")
-            name = image.text("name", "image" if uri.startswith("data:") else PurePosixPath(uri).name)
+            name = image.text("name", "") or (f"image {number}" if uri.startswith("data:") else PurePosixPath(uri).name)
             content = bytes(self._file.resource(image, "the texture"))
         else:
             view = image.index("bufferView", self._file.views, "buffer view")
             if view < 0:
                 raise image.fault("has neither a uri nor a buffer view")
-            name = image.text("name", f"image {number}")
+            name = image.text("name", "") or f"image {number}"
             content = bytes(self._file.view(view)[0])
-        return number, EncodedImage(self._file.path, f"the texture {name!r}", name, content)
+        return number, EncodedImage(self._file.path, f"the texture {name[:_NAME_LETTERS_MAX]!r}", name, content)
 
     def _sampler(self, info: JsonMap) -> tuple[Wrap, Wrap, bool]:
         entry = self._entry(info)

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageFile
+from PIL import Image, ImageFile, UnidentifiedImageError
 
 from scenefold.scene.importers.source import Pixels
 
@@ -28,11 +28,15 @@ _AS_BYTES = "RGBA"
 
 
 def opened(content: bytes) -> ImageFile.ImageFile:
-    """The image, not decoded yet."""
+    """The image, not decoded yet; ValueError if no format begins so, and whatever Pillow raises of a damaged head."""
     with warnings.catch_warnings():
         # Pillow warns of sizes beyond our own limit, which we turn into an error anyway.
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-        return Image.open(io.BytesIO(content), formats=FORMATS)
+        try:
+            return Image.open(io.BytesIO(content), formats=FORMATS)
+        except UnidentifiedImageError as error:
+            # Pillow would name the object that holds the bytes.
+            raise ValueError(f"it is none of {', '.join(FORMATS)}") from error
 
 
 def rgba_of(image: ImageFile.ImageFile, content: bytes) -> tuple[Pixels, bool]:

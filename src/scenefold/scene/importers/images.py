@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,6 +18,10 @@ from scenefold.scene.importers.image_modes import opened, rgba_of
 from scenefold.scene.importers.source import NotCarried, Pixels, SourceTexture
 
 _SRGB_KNEE = 0.04045
+
+
+class UnreadableImage(LocalFault):
+    """Bytes that are no image, or a damaged one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +35,18 @@ class EncodedImage:
     content: bytes
 
     def pixels(self) -> Pixels:
-        """u8[height, width, 4]; LocalFault if it is no image, damaged, or too large."""
+        """u8[height, width, 4]; UnreadableImage if it is no image or damaged, LocalFault if it is too large."""
         return self.decoded()[0]
 
     def decoded(self) -> tuple[Pixels, bool]:
         """The pixels, and whether the file had more than 8 bits a channel."""
         try:
             return self._decoded()
-        except LocalFault:
+        except (LocalFault, MemoryError):
             raise
         except Exception as error:  # Pillow's decoders raise many kinds of errors on damaged files
-            raise bad_file(self.scene_file, f"{self.what} cannot be read, {error}", "export it as PNG or JPEG") from error
+            what = f"{self.what} cannot be read, {error}"
+            raise UnreadableImage(what, where=str(self.scene_file), remedy="export it as PNG or JPEG") from error
 
     def _decoded(self) -> tuple[Pixels, bool]:
         image = opened(self.content)
@@ -57,6 +62,9 @@ class ImageSource(Protocol):
 
     @property
     def name(self) -> str: ...
+
+    @property
+    def what(self) -> str: ...
 
     def pixels(self) -> Pixels: ...
 
@@ -79,30 +87,52 @@ def mean_linear(pixels: Pixels) -> tuple[float, float, float]:
     return means[0], means[1], means[2]
 
 
+class _Head(NamedTuple):
+    """What is known of an image once it was decoded."""
+
+    width: int
+    height: int
+    has_alpha: bool
+
+
 class TextureList:
     """The textures that materials use, each image and meaning once; every image is checked when first used."""
 
     def __init__(self, left: NotCarried) -> None:
         self._left = left
-        self._deep: set[object] = set()
+        self._heads: dict[object, _Head | None] = {}
         self.textures: list[SourceTexture] = []
         self._numbers: dict[tuple[object, bool], int] = {}
         self._means: dict[int, tuple[float, float, float]] = {}
 
+    def is_readable(self, key: object, image: ImageSource) -> bool:
+        """Whether an image can be decoded; one that cannot is counted once. A surface without it has its factors alone."""
+        return self._head(key, image) is not None
+
     def add(self, key: object, image: ImageSource, *, srgb: bool) -> int:
-        """The number of the texture of this image; `key` tells images apart."""
+        """The number of the texture of this image, which is readable; `key` tells images apart."""
         number = self._numbers.get((key, srgb))
         if number is not None:
             return number
-        pixels, deep = image.decoded()
-        if deep and key not in self._deep:
-            self._deep.add(key)
-            self._left.note("images of more than 8 bits a channel, rounded to 8")
-        height, width = pixels.shape[:2]
-        has_alpha = bool((pixels[..., 3] < 255).any())
-        self.textures.append(SourceTexture(image.name, width, height, srgb, has_alpha, image.pixels))
+        head = self._head(key, image)
+        assert head is not None, "the caller asks is_readable first"
+        self.textures.append(SourceTexture(image.name, head.width, head.height, srgb, head.has_alpha, image.pixels))
         self._numbers[key, srgb] = len(self.textures) - 1
         return len(self.textures) - 1
+
+    def _head(self, key: object, image: ImageSource) -> _Head | None:
+        if key not in self._heads:
+            self._heads[key] = self._checked(image)
+        return self._heads[key]
+
+    def _checked(self, image: ImageSource) -> _Head | None:
+        try:
+            pixels, deep = image.decoded()
+        except UnreadableImage:
+            self._left.note(f"{image.what}, which cannot be read")
+            return None
+        self._left.note("images of more than 8 bits a channel, rounded to 8", int(deep))
+        return _Head(pixels.shape[1], pixels.shape[0], bool((pixels[..., 3] < 255).any()))
 
     def mean(self, number: int) -> tuple[float, float, float]:
         """The mean colour of a texture whose colours are sRGB, in linear light."""

@@ -152,8 +152,10 @@ class _Section:
     # --- words
 
     def _map(self, key: str) -> MapStatement | None:
+        """The map of a key; None without one, or where its image cannot be read, which is counted."""
         words = self._fields.get(key)
-        return read_map(self._path, words) if words else None
+        shown = read_map(self._path, words) if words else None
+        return shown if shown is not None and self._textures.is_readable(shown.key, shown.image) else None
 
     def _unit(self, key: str, default: float) -> float:
         return self._within(key, default, 0.0, 1.0)
