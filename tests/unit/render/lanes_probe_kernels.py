@@ -22,6 +22,7 @@ from scenefold.render import (
     lanes_kernels,
     math_kernels,
     see_through_kernels,
+    shade_kernels,
     space_kernels,
 )
 from scenefold.render.dice_kernels import column_of as _column
@@ -81,6 +82,7 @@ _frame, _cosine, _normal, _evaluate, _coat = (
 )
 _span, _offset = space_kernels.box_span, space_kernels.offset_origin
 _reflection = bsdf_kernels.dielectric_reflection
+_weight = shade_kernels._power_weight
 _passed, _opaque = see_through_kernels.passed_share, see_through_kernels.is_surely_opaque
 BOX_LOW, BOX_HIGH = np.array([-1.0, 0.25, -3.0]), np.array([2.0, 0.75, 0.5])
 
@@ -184,6 +186,13 @@ def from_pdf_code(a, b, c, d, w, v):
 
 
 @njit(error_model="numpy")
+def power_weights(a, b, c, d, w, v):
+    """Of two techniques with the densities a and b."""
+    by_one, by_other = _weight(a, b), _weight(b, a)
+    return by_one, by_other, by_one, by_one, by_one, by_one, by_one, by_one
+
+
+@njit(error_model="numpy")
 def surfaces(a, b, c, d, w, v):
     """What scatters, and how much."""
     wx, wy, wz = _cosine(a, b)
@@ -232,7 +241,7 @@ def _in_lanes(function: Any) -> Callable[[F32, U32], U32]:
 
 FUNCTIONS = (
     operators, words, elementary, to_direction_code, from_direction_code, to_color_code, from_color_code, to_pdf_code,
-    from_pdf_code, surfaces, spaces, columns,
+    from_pdf_code, power_weights, surfaces, spaces, columns,
 )  # fmt: skip
 PROBES = {function.__name__: _in_lanes(function) for function in FUNCTIONS}
 

@@ -238,10 +238,16 @@ def test_weights_of_both_techniques_sum_to_one() -> None:
     codes = lanes.probed("to_pdf_code", np.array([1e-6, 0.1, 1 / math.pi, 40.0, 1e5]))[0]
     densities = lanes.reals_of(lanes.probed("from_pdf_code", word_columns=(codes,))[0])
     for other in (1e-5, 0.2, 7.0, 3e4):
-        by_light = other**2 / (other**2 + densities**2)
-        by_surface = densities**2 / (densities**2 + other**2)
-        assert by_light + by_surface == pytest.approx(1.0, abs=1e-15)
+        by_surface, by_light = lanes.reals_of(lanes.probed("power_weights", densities, np.full(len(densities), other))[:2])
+        assert by_light + by_surface == pytest.approx(1.0, abs=3e-7)
+        assert by_surface == pytest.approx(densities**2 / (densities**2 + other**2), rel=1e-5), "the power heuristic, of the second power"
     assert np.array_equal(lanes.probed("to_pdf_code", densities)[0], codes), "both weigh with the same coded density"
+
+
+def test_weights_of_densities_whose_squares_single_precision_has_not() -> None:
+    one, other = np.array([1e-30, 1e30, 1e30, 1e-30, 3e37, 0.5]), np.array([1e-30, 1e30, 1e-30, 1e30, 1e37, 0.0])
+    found = lanes.reals_of(lanes.probed("power_weights", one, other)[0])
+    assert found == pytest.approx([0.5, 0.5, 1.0, 0.0, 0.9, 1.0], rel=1e-5)
 
 
 def test_punctual_lights() -> None:
