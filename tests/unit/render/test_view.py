@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from scenectl.render import still
-from scenefold.render.view import AGX, MIDDLE_GREY, VIEWS, automatic_exposure, shown
+from scenefold.render import view as view_module
+from scenefold.render.view import AGX, MIDDLE_GREY, VIEWS, agx, automatic_exposure, shown
 
 views = pytest.mark.parametrize("view", list(VIEWS))
 
@@ -40,6 +41,54 @@ def test_greys_stay_grey_and_rise_from_black_to_white(view: str) -> None:
 def test_middle_grey_is_where_it_is_said_to_be(view: str, code: int) -> None:
     assert codes(greys([MIDDLE_GREY]), view).tolist() == [[code] * 3]
     assert codes(greys([MIDDLE_GREY / 4.0]), view, exposure=2.0).tolist() == [[code] * 3], "two stops brighter"
+
+
+AGX_PINS = {
+    (1.0, 0.1, 0.02): (0.83743, 0.44000, 0.29728),
+    (0.1, 0.4, 1.0): (0.47433, 0.64886, 0.79997),
+    (0.0, 1.0, 0.0): (0.31539, 0.83085, 0.31539),
+    (4.0, 0.5, 0.1): (0.98059, 0.71316, 0.55715),
+    (0.02, 0.01, 0.05): (0.16144, 0.10338, 0.28735),
+    (0.001, 0.002, 0.0005): (0.01531, 0.02797, 0.00771),
+}
+"""Linear light, and the screen's signal of it: dark, bright, grey and saturated."""
+PIN_ERROR = 2e-5
+
+
+def farthest_from_the_pins() -> float:
+    return float(np.abs(agx(np.array(list(AGX_PINS))) - np.array(list(AGX_PINS.values()))).max())
+
+
+def test_colours_through_the_whole_of_agx() -> None:
+    assert farthest_from_the_pins() < PIN_ERROR
+    assert codes([[1.0, 0.1, 0.02], [0.02, 0.01, 0.05]]).tolist() == [[214, 112, 76], [41, 26, 73]]
+
+
+def test_the_sigmoid_by_hand() -> None:
+    """Of greys, which the matrices leave alone: one stop above middle grey, and one below."""
+    height, step = 0.5, 1.0 / 16.5
+    for stops, width, power in ((1.0, 6.5 / 16.5, 3.25), (-1.0, 10.0 / 16.5, 3.0)):
+        scale = (height**-power - (2.0 * width) ** -power) ** (-1.0 / power)
+        rise = 2.0 * step / (1.0 + (2.0 * step / scale) ** power) ** (1.0 / power)
+        shown_as = agx(np.full((1, 3), MIDDLE_GREY * 2.0**stops))[0]
+        assert shown_as == pytest.approx(0.5 + stops * rise, abs=1e-9)
+
+
+def test_the_matrix_of_agx() -> None:
+    expected = [[0.842399, 0.07843, 0.079171], [0.042399, 0.87843, 0.079171], [0.042399, 0.07843, 0.879171]]
+    found = view_module._inset_matrix()
+    assert np.abs(found - expected).max() < 1e-6
+    assert np.abs(view_module._OUTSET_MATRIX @ found - np.eye(3)).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["_SLOPE", "_TOE", "_SHOULDER", "_INSET", "_STOPS_BELOW", "_STOPS_ABOVE", "_PIVOT_X", "_PIVOT_Y"])
+def test_the_pins_hold_every_constant(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change of a hundredth shows."""
+    monkeypatch.setattr(view_module, name, getattr(view_module, name) * 1.01)
+    matrix = view_module._inset_matrix()
+    monkeypatch.setattr(view_module, "_INSET_MATRIX", matrix)
+    monkeypatch.setattr(view_module, "_OUTSET_MATRIX", np.linalg.inv(matrix))
+    assert farthest_from_the_pins() > 10.0 * PIN_ERROR
 
 
 @views
