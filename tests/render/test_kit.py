@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from scenefold.render.contract import load_renderer
+from scenefold.render.contract import Renderer, load_renderer
 from scenefold.render.kit import Level, check_renderer, checks
+from scenefold.render.kit.rig import Rig
+from scenefold.render.kit.shapes import room
 
 pytestmark = pytest.mark.timeout(300)  # the first one may have to compile everything
 
@@ -29,3 +33,16 @@ def test_a_renderer_that_is_wrong_is_told_why(monkeypatch: pytest.MonkeyPatch) -
         monkeypatch.setattr(module, "STATISTICAL", {})
     monkeypatch.setattr(lamps, "STATISTICAL", {"a lamp": wrong})
     assert check_renderer(load_renderer("embree"), Level.STATISTICAL) == {"a lamp": "twice as bright"}
+
+
+def test_light_that_depends_on_the_size_of_the_room_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Alike on any nodes, and wrong: lamps that go out in any room but the usual one."""
+    from scenefold.render.kit import bits
+
+    def room_of(renderer: Renderer, scale: float = 1.0) -> Rig:
+        usual = room(scale)
+        return Rig(usual if scale == 1.0 else replace(usual, punctual=[]), renderer, bits.GROUP_TRIANGLES)
+
+    monkeypatch.setattr(bits, "_room", room_of)
+    with pytest.raises(AssertionError, match="1e-05 times as large: the mean radiance is"):
+        bits.any_size(load_renderer("embree"))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenefold.partition import Partition
+from scenefold.render.arrays import F64
 from scenefold.render.contract import Renderer
 from scenefold.render.image_files import image_sha256
 from scenefold.render.kit.expecting import expect, expect_nothing_lost
@@ -17,12 +18,15 @@ from scenefold.render.kit.rig import Flight, Rendered, Rig
 from scenefold.render.kit.shapes import ball, looking, room, scene
 from scenefold.render.numbers import job_numbers
 from scenefold.render.pass_sums import PassSums
+from scenefold.render.sum_columns import RADIANCE_UNIT
 from scenefold.scene.payloads.materials import Material
 from scenefold.scene.payloads.punctual import PunctualLight
 
 SKY = (0.1, 0.15, 0.3)
 GROUP_TRIANGLES = 12
 """So that nodes of a small room hold different groups."""
+SCALED_ERROR_MAX = 0.02
+"""Of the mean radiance: rounding sends a few paths past the other side of an edge."""
 GROWTH_BYTES_MAX = 32 << 20
 _PASSES = 24
 
@@ -75,10 +79,22 @@ def any_batches(renderer: Renderer) -> None:
 
 
 def any_size(renderer: Renderer) -> None:
-    """Rooms from a hundredth of a millimetre to a hundred kilometres."""
+    """Rooms from a hundredth of a millimetre to a hundred kilometres: the same bits on any nodes, and as bright as the room itself."""
+    usual = _mean_radiance(_room(renderer).render(nodes=1, sky=SKY))
     for scale in (1e-5, 1e5):
-        rig = _room(renderer, scale)
-        expect_same(rig.render("voronoi", 5, sky=SKY), rig.render(nodes=1, sky=SKY), f"a room {scale:g} times as large")
+        rig, what = _room(renderer, scale), f"a room {scale:g} times as large"
+        alone = rig.render(nodes=1, sky=SKY)
+        expect_same(rig.render("voronoi", 5, sky=SKY), alone, what)
+        # Its lamps' intensities grow with the square, so that every radiance stays as it is.
+        mean = _mean_radiance(alone)
+        near = np.abs(mean - usual) <= SCALED_ERROR_MAX * usual
+        expect(near.all(), f"{what}: the mean radiance is {mean}, expected {usual}, give or take {SCALED_ERROR_MAX:.0%}")
+
+
+def _mean_radiance(image: Rendered) -> F64:
+    """float64[3] of all paths."""
+    mean: F64 = image.radiance.astype(np.float64).mean(axis=0) / RADIANCE_UNIT
+    return mean
 
 
 def any_threads(renderer: Renderer) -> None:
