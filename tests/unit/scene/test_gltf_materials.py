@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenefold.base.errors import LocalFault
-from scenefold.base.limits import MATERIALS_MAX
 from scenefold.scene.importers import plan_import, read_scene
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.payloads.materials import Material, TextureUse
@@ -151,14 +149,6 @@ def test_what_is_left_behind_is_said(tmp_path: Path) -> None:
         "textures that read a third set of coordinates (1)",
         "thickness textures (1)",
     ]
-
-
-def test_too_many_materials_are_one_clear_error(tmp_path: Path) -> None:
-    maker = Maker()
-    maker.json["materials"] = [{}] * 70_000
-    maker.node(mesh=maker.mesh(material=0))
-    with pytest.raises(LocalFault, match=f"materials has 70000 entries, more than {MATERIALS_MAX - 1}"):
-        read_scene(maker.write(tmp_path))
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from scenefold.scene.importers.coordinates import CoordinateSet, settle
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.gltf_textures import GltfTextures
+from scenefold.scene.importers.merging import MERGED, look_of
 from scenefold.scene.importers.source import NotCarried
 from scenefold.scene.payloads.materials import VALUE_MAX, AlphaMode, Material
 
@@ -36,26 +37,51 @@ Slots = Iterator[tuple[str, JsonMap, bool]]
 
 
 class GltfMaterials:
-    """All materials of a file, and a default one at the end for primitives that name none."""
+    """All materials of a file, and a default one at the end for primitives that name none.
+
+    A file with more of them than a scene may have is read as its primitives ask for them, and what looks alike is merged.
+    """
 
     def __init__(self, file: GltfFile, left: NotCarried) -> None:
         self._left = left
         self.textures = GltfTextures(file, left)
         self.materials: list[Material] = []
         self.coordinates: list[tuple[CoordinateSet, ...]] = []
-        entries = file.json.maps("materials")
-        if len(entries) >= MATERIALS_MAX:
-            raise file.json.fault(f"has {len(entries)} entries, more than {MATERIALS_MAX - 1}", "materials")
-        for number, entry in enumerate(entries):
-            self._read(number, entry)
-        self.materials.append(Material(name="default", metallic=0.0, roughness=1.0, base_color=(0.8, 0.8, 0.8, 1.0)))
-        self.coordinates.append(())
+        self._json = file.json
+        self._entries = file.json.maps("materials")
+        self._numbers: dict[int, int] = {}
+        self._looks: dict[tuple[Material, tuple[CoordinateSet, ...]], int] = {}
+        if len(self._entries) < MATERIALS_MAX:
+            self._numbers = {entry: self._added(*self._read(entry)) for entry in range(len(self._entries))}
+        self._default = self._added(Material(name="default", metallic=0.0, roughness=1.0, base_color=(0.8, 0.8, 0.8, 1.0)), ())
 
-    @property
-    def default(self) -> int:
+    def worn_by(self, primitive: JsonMap) -> int:
+        """The number of a primitive's material; LocalFault if there are too many that look different."""
+        entry = primitive.index("material", len(self._entries), "material")
+        if entry < 0:
+            return self._default
+        if entry not in self._numbers:
+            self._numbers[entry] = self._merged(*self._read(entry))
+        return self._numbers[entry]
+
+    def _merged(self, material: Material, sets: tuple[CoordinateSet, ...]) -> int:
+        look = look_of(material), sets
+        if look in self._looks:
+            self._left.note(MERGED)
+            return self._looks[look]
+        if len(self.materials) >= MATERIALS_MAX:
+            what = f"has {len(self._entries)} entries, and more than {MATERIALS_MAX - 1} of those that are worn look different"
+            raise self._json.fault(what, "materials")
+        self._looks[look] = self._added(material, sets)
+        return self._looks[look]
+
+    def _added(self, material: Material, sets: tuple[CoordinateSet, ...]) -> int:
+        self.materials.append(material)
+        self.coordinates.append(sets)
         return len(self.materials) - 1
 
-    def _read(self, number: int, entry: JsonMap) -> None:
+    def _read(self, number: int) -> tuple[Material, tuple[CoordinateSet, ...]]:
+        entry = self._entries[number]
         found = self._core(entry) | self._light_through(entry) | self._coat(entry) | self._reflection(entry)
         slots = [*self._core_slots(entry), *self._extension_slots(entry)]
         glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
@@ -72,11 +98,10 @@ class GltfMaterials:
         sets, uses = settle(readings)
         self._left.note("textures that read a third set of coordinates", len(readings) - len(uses))
         found |= {f"{slot}_texture": use for slot, use in uses.items()}
-        self.materials.append(Material(name=entry.text("name", f"material {number}"), **found))
-        self.coordinates.append(sets)
         for name in entry.inner("extensions").keys():  # noqa: SIM118, a JsonMap is no dict
             if name not in CARRIED:
                 self._left.note(f"material extension {name}")
+        return Material(name=entry.text("name", f"material {number}"), **found), sets
 
     def let_vertices_hide(self, number: int) -> None:
         """Says that some vertex that wears a material has a colour whose alpha counts."""

@@ -55,8 +55,7 @@ class GltfMeshes:
         positions = self._accessors.floats(where, "VEC3")
         triangles = self._triangles(primitive, mode, len(positions))
         self._count(primitive, len(triangles), shape)
-        material = primitive.index("material", len(self._materials.materials) - 1, "material")
-        material = self._materials.default if material < 0 else material
+        material = self._materials.worn_by(primitive)
         bare = drop_lost_triangles(MeshPart(positions, None, None, triangles, material), self._left)
         whole = self._attributes.dressed(bare, attributes)
         part = compact(whole)

@@ -32,8 +32,8 @@ _MAPS_LEFT = ("map_ks", "map_ns", "map_ka", "map_ps", "map_pc", "map_pcr", "disp
 _LEFT = ("tf", "ps", "aniso", "anisor")
 
 
-def read_mtl(path: Path, textures: TextureList, left: NotCarried) -> dict[str, Material]:
-    """The materials of a library by name. A texture that it names and that is missing is a LocalFault."""
+def read_mtl(path: Path, textures: TextureList, left: NotCarried, used: set[str]) -> dict[str, Material]:
+    """The materials of a library by name; of one with more than a scene may have, those that are used. A texture that it names and that is missing is a LocalFault."""
     if readable_size(path) > _BYTES_MAX:
         raise bad_file(path, f"the material library has more than {_BYTES_MAX} bytes")
     sections: dict[str, dict[str, list[str]]] = {}
@@ -47,7 +47,7 @@ def read_mtl(path: Path, textures: TextureList, left: NotCarried) -> dict[str, M
         else:
             current[words[0].lower()] = words[1:]
     if len(sections) >= MATERIALS_MAX:
-        raise bad_file(path, f"the material library has more than {MATERIALS_MAX} materials")
+        sections = {name: fields for name, fields in sections.items() if name in used}
     return {name: _Section(path, name, fields, textures, left).material() for name, fields in sections.items()}
 
 

@@ -12,6 +12,7 @@ from scenefold.base.limits import MATERIALS_MAX
 from scenefold.scene.importers.coordinates import CoordinateSet, without_common_transform
 from scenefold.scene.importers.faults import bad_file, beside, readable_size
 from scenefold.scene.importers.images import TextureList
+from scenefold.scene.importers.merging import USE, with_fewer_names
 from scenefold.scene.importers.mtl import read_mtl
 from scenefold.scene.importers.polygons import FACE_OF_MANY, split_polygons
 from scenefold.scene.importers.repair import mend_uvs
@@ -23,7 +24,6 @@ _BYTES_MAX = 2 << 30
 _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 _FACE_FROM_END = re.compile(r"^[ \t]*f[ \t].*-\d", re.MULTILINE)
 _FACE_OF_NOTHING = re.compile(r"^[ \t]*f[ \t](?:.*[ \t])?0+(?:/|\s|$)", re.MULTILINE)
-_USE = re.compile(r"^[ \t]*usemtl[ \t]+(.*)$", re.MULTILINE)
 _LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+(.*)$", re.MULTILINE)
 _FACE = re.compile(r"^[ \t]*f[ \t]+(.*)$", re.MULTILINE)
 _COUNTED = (("vertex", r"^[ \t]*v[ \t]"), ("texture vertex", r"^[ \t]*vt[ \t]"), ("normal", r"^[ \t]*vn[ \t]"))
@@ -37,15 +37,18 @@ def read_obj(path: Path) -> SourceScene:
     text = _decoded(path.read_bytes())
     left = NotCarried()
     textures = TextureList(left)
+    used = _names_used(text)
     known: dict[str, Material] = {}
     for library in dict.fromkeys(name.strip() for name in _LIBRARY.findall(text)):
-        known |= _library(path, library, textures, left)
+        known |= _library(path, library, set(used), textures, left)
     text = _LIBRARY.sub("", text)
     left.note("points, lines, curves and surfaces", len(_OTHERS.findall(text)))
-    used = list(dict.fromkeys(name.strip() for name in _USE.findall(text)))
-    if len(used) >= MATERIALS_MAX:
-        raise bad_file(path, f"the OBJ uses more than {MATERIALS_MAX} materials")
     left.note("materials that no library has, grey instead", sum(name not in known for name in used))
+    if len(used) >= MATERIALS_MAX:
+        text = with_fewer_names(text, known, GREY, left)
+        used = _names_used(text)
+    if len(used) >= MATERIALS_MAX:
+        raise bad_file(path, f"the OBJ uses more than {MATERIALS_MAX - 1} materials that look different")
     if _FACE_OF_NOTHING.search(text):
         raise bad_file(path, "a face names vertex 0: an OBJ counts from 1")
     if _FACE_FROM_END.search(text):
@@ -70,6 +73,11 @@ def read_obj(path: Path) -> SourceScene:
     return scene
 
 
+def _names_used(text: str) -> list[str]:
+    """The materials that an OBJ names, each once, in its order."""
+    return list(dict.fromkeys(name.strip() for name in USE.findall(text)))
+
+
 def _decoded(content: bytes) -> str:
     for mark, encoding in _MARKS.items():
         if content.startswith(mark):
@@ -80,12 +88,12 @@ def _decoded(content: bytes) -> str:
     return content.decode("utf-8", "replace").replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _library(path: Path, name: str, textures: TextureList, left: NotCarried) -> dict[str, Material]:
+def _library(path: Path, name: str, used: set[str], textures: TextureList, left: NotCarried) -> dict[str, Material]:
     if not (path.parent / name.replace("\\", "/")).is_file():
         # Widely lost on the way; the geometry is still worth having.
         left.note(f"the material library {name!r}, which is missing")
         return {}
-    return read_mtl(beside(path, name, "the material library"), textures, left)
+    return read_mtl(beside(path, name, "the material library"), textures, left, used)
 
 
 def _with_used_uvs(part: MeshPart, material: Material, chosen: CoordinateSet, left: NotCarried) -> MeshPart:
