@@ -16,9 +16,6 @@ ADDRESSES = ("127.0.0.2", "127.0.0.3", "127.0.0.4")
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
 
 
-LISTED_TRIES = 20
-
-
 @pytest.fixture(scope="module")
 def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Three nodes, as `node local` runs them."""
@@ -46,12 +43,8 @@ def test_status_shows_all_nodes(profile: str) -> None:
 
 
 def test_scenes_are_listed_and_made_once(profile: str, scene: str) -> None:
-    # A list is by the word of one node, and who decided a new scene tells the others without waiting for them.
-    for _ in range(LISTED_TRIES):
-        listed = scenectl("scene", "list", "--json", profile=profile).json["scenes"]
-        if found := [(entry["name"], entry["has_key"]) for entry in listed if entry["name"] == scene]:
-            break
-    assert found == [(scene, True)]
+    listed = scenectl("scene", "list", "--json", profile=profile).json["scenes"]
+    assert [(entry["name"], entry["has_key"]) for entry in listed if entry["name"] == scene] == [(scene, True)]
     again = scenectl("scene", "create", scene, profile=profile)
     assert again.code == 1
     assert "exists already" in again.error

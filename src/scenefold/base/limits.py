@@ -267,6 +267,8 @@ CLIENT_ASKED_MAX = 3
 """Nodes that are asked one question at a time, where any may answer."""
 CLIENT_OPINIONS = 3
 """Nodes that are asked about what one of them may lie about; the newest of what can be believed counts."""
+CLIENT_LOOKED_MAX = 16
+"""Nodes whose lists are looked through before a client says that there is no such thing."""
 CLIENT_OPINION_S = 0.5
 """Seconds that a client waits for another node's answer of these once it has one."""
 CLIENT_STATUS_S = 5.0

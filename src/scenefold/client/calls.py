@@ -216,13 +216,15 @@ class Calls:
 
         return await self.several(ask, first=first)
 
-    async def several(self, ask: Callable[[str], Awaitable[Result]], *, first: NodeId | None = None) -> list[Result]:
-        """What `ask` returns for some nodes, by address, as `opinions`; `first` is one of them."""
+    async def several(
+        self, ask: Callable[[str], Awaitable[Result]], *, first: NodeId | None = None, count: int = CLIENT_OPINIONS
+    ) -> list[Result]:
+        """What `ask` returns for some nodes, up to `count` of them, by address, as `opinions`; `first` is one of them."""
 
         async def once() -> list[Result]:
             tries, contact = [partial(ask, address) for address in self._addresses_from(first)], self._contact
             pace = {"next_after_s": contact.next_after_s, "more_within_s": CLIENT_OPINION_S}
-            return await some_answers(tries, count=CLIENT_OPINIONS, at_a_time=contact.at_a_time, **pace)
+            return await some_answers(tries, count=count, at_a_time=max(count, contact.at_a_time), **pace)
 
         return await self.of_any(once)
 

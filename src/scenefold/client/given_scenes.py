@@ -6,13 +6,13 @@ import logging
 from collections.abc import Awaitable, Callable, Sequence
 
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused
-from scenefold.base.limits import SCENES_KEPT_MAX
 from scenefold.client.calls import Calls
 from scenefold.client.gifts import Gift, gifts_in
 from scenefold.client.grants import USER
+from scenefold.client.listed_headers import ListedHeaders
 from scenefold.crypto import Card, MemberSecrets
 from scenefold.scene.log import check_granter
-from scenefold.wire import ListScenes, SceneLogPublic, SceneMode, ScenesListed, check_page
+from scenefold.wire import SceneLogPublic, SceneMode
 
 _log = logging.getLogger("scenefold.client")
 
@@ -20,25 +20,19 @@ _log = logging.getLogger("scenefold.client")
 class GivenScenes:
     """Of one user."""
 
-    def __init__(self, calls: Calls, me: str, secrets: MemberSecrets, card_of: Callable[[str], Awaitable[Card]] | None) -> None:
+    def __init__(
+        self, calls: Calls, listed: ListedHeaders, me: str, secrets: MemberSecrets, card_of: Callable[[str], Awaitable[Card]] | None
+    ) -> None:
         """`me`: the name in our certificate. `card_of`: verified cards, by which we know who grants us a scene; None: whoever it is, is believed."""
-        self._calls, self._me, self._secrets, self._card_of = calls, me, secrets, card_of
+        self._calls, self._listed, self._me, self._secrets, self._card_of = calls, listed, me, secrets, card_of
 
     async def named(self, name: str) -> Sequence[Gift]:
-        """What was granted to us under this id; if nothing, under this name."""
-        given = (await self.among([header for header in await self.headers() if header.mode is not SceneMode.ENDED])).values()
-        return [gift for gift in given if name == f"{gift.header.scene:08x}"] or [gift for gift in given if name == gift.contents.name]
+        """What was granted to us under this id; if nothing, under this name. A grant may be so new that few nodes have heard of it: if nothing fits, more are asked."""
+        return await self._named(name, await self._listed.of_some()) or await self._named(name, await self._listed.of_many())
 
-    async def headers(self) -> Sequence[SceneLogPublic]:
-        """The headers of all scenes of the cluster."""
-        headers: list[SceneLogPublic] = []
-        while len(headers) < SCENES_KEPT_MAX:
-            after = headers[-1].scene if headers else 0
-            page = await self._calls.ask_any(ListScenes(after), ScenesListed)
-            headers += check_page(page, after, "any node")
-            if not page.more:
-                break
-        return headers
+    async def _named(self, name: str, headers: Sequence[SceneLogPublic]) -> Sequence[Gift]:
+        given = (await self.among([header for header in headers if header.mode is not SceneMode.ENDED])).values()
+        return [gift for gift in given if name == f"{gift.header.scene:08x}"] or [gift for gift in given if name == gift.contents.name]
 
     async def among(self, headers: Sequence[SceneLogPublic]) -> dict[bytes, Gift]:
         """What headers hold for us, by genesis: what a user of this cluster has sealed, as his card shows."""

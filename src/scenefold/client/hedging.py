@@ -66,7 +66,7 @@ async def some_answers(
 ) -> list[T]:
     """What up to `count` of the tries return, those that others need not wait for: not below one, and after the first of them
     whatever comes within `more_within_s` of each other. Whoever fails, whyever, speaks for nobody else; if all do, one of their
-    errors, Unreachable rather.
+    errors, Unreachable rather, and of that TurnedAway rather.
     """
     assert tries and 1 <= count <= at_a_time
     ended, ends = trio.open_memory_channel[T | ScenefoldError](len(tries))
@@ -99,7 +99,10 @@ async def some_answers(
             over += 1
             if isinstance(end, ScenefoldError):
                 passed_over += not found
-                problem = end if not isinstance(problem, Unreachable) else problem
+                if isinstance(problem, Unreachable):
+                    problem = more_telling(problem, end) if isinstance(end, Unreachable) else problem
+                else:
+                    problem = end
             else:
                 found.append(end)
     if not found:

@@ -15,9 +15,9 @@ from scenefold.client.attendance import chosen
 from scenefold.client.births import FIRST_POSITION, born, born_with, first_header, first_private, kept_keys, maker_of
 from scenefold.client.calls import Calls
 from scenefold.client.copies import BY_DEFAULT, Copies
-from scenefold.client.gifts import believed
 from scenefold.client.given_scenes import GivenScenes
 from scenefold.client.importing import ImportReport, PreparedImport, prepare_import, store_import
+from scenefold.client.listed_headers import ListedHeaders
 from scenefold.client.patience import is_passing
 from scenefold.client.progress import ProgressCallback, callback_of, no_progress
 from scenefold.client.restoring import AS_IT_WAS, RestoreOptions, RestoreReport, check_archive, check_new, restore
@@ -95,7 +95,8 @@ class Scenes:
         self._keyring = keyring
         self._secrets = secrets
         self._maker = maker_of(member, secrets)
-        self._gifts = GivenScenes(calls, member, secrets, card_of)
+        self._listed = ListedHeaders(calls, origin.node)
+        self._gifts = GivenScenes(calls, self._listed, member, secrets, card_of)
 
     async def create(
         self, name: str, *, copies: int | None = None, copies_min: int | None = None, participants: Wanted | None = PARTICIPANTS
@@ -228,8 +229,8 @@ class Scenes:
         return sorted(found, key=lambda scene: (scene.name is None, scene.name or "", scene.genesis))
 
     async def headers(self) -> Sequence[SceneLogPublic]:
-        """The headers of all scenes of the cluster that prove themselves, by the word of a node, which may leave some out."""
-        return await self._calls.world.workers.run("crypto", believed, await self._gifts.headers())
+        """The headers of all scenes of the cluster that prove themselves, by the word of a few nodes, where new scenes of this profile begin among them."""
+        return await self._listed.of_some()
 
     async def kept_names(self) -> Sequence[str]:
         """The scenes that this profile has keys of."""

@@ -124,6 +124,10 @@ class FakeNodes:
     """They take no writes, and mark what they read as stale."""
     behind: set[str] = field(default_factory=set)
     """They go by a header of before the scene's newest write floor, and cannot get the newer one."""
+    shown: dict[str, SceneLogPublic] = field(default_factory=dict)
+    """What nodes list in place of a scene's header."""
+    deaf: set[str] = field(default_factory=set)
+    """They have heard of no scene yet."""
     losing_lease: set[str] = field(default_factory=set)
     """They store one more record, and have no lease by the time that they could say so."""
     rotten: set[Location] = field(default_factory=set)
@@ -220,7 +224,8 @@ class FakeNodes:
                 answer = header and SceneLogAnswer(packet.nonce, 2, 1, header, private)
                 return RespondSceneLog(answer)
             case ListScenes():
-                return page_of(sorted(self.headers.values(), key=lambda header: header.scene), packet.after)
+                heard = () if address in self.deaf else ((self.shown[address],) if address in self.shown else self.headers.values())
+                return page_of(sorted(heard, key=lambda header: header.scene), packet.after)
             case _:
                 return Fault(RejectReason.ILL_FORMED, "what?")
 

@@ -10,6 +10,7 @@ import pytest
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, LocalFault, Refused
+from scenefold.base.ids import address_of
 from scenefold.base.location import FIRST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.client.scene import Scene
@@ -69,6 +70,41 @@ async def test_a_granted_scene_is_listed_opened_and_read_by_its_name(autojump_cl
     assert (await studio.scenes(2).open("kitchen")).genesis == scene.genesis, "from then on by the keyring"
     with pytest.raises(LocalFault, match="no scene 'kitchen'"):
         await studio.kitchen(3)
+
+
+async def test_a_grant_that_few_nodes_have_heard_of_is_found_before_it_is_said_that_there_is_none(
+    autojump_clock: MockClock, tmp_path: Path
+) -> None:
+    studio = Studio(tmp_path)
+    studio.nodes = FakeNodes(tuple(f"127.0.0.{number}" for number in range(2, 14)))
+    scene = await studio.scenes(1).create("kitchen")
+    await scene.grant(card_of(2), Role.READER)
+    studio.nodes.deaf = set(studio.nodes.addresses) - {studio.nodes.addresses[7]}
+    studio.nodes.away = {studio.nodes.addresses[3]}
+    assert (await studio.kitchen(2)).genesis == scene.genesis
+    with pytest.raises(LocalFault, match="no scene 'kitchen'"):
+        await studio.kitchen(3)
+
+
+async def test_what_was_made_here_is_listed_though_only_the_node_where_it_began_knows_of_it(
+    autojump_clock: MockClock, studio: Studio
+) -> None:
+    await studio.scenes(1).create("kitchen")
+    studio.nodes.deaf = set(studio.nodes.addresses) - {address_of(ORIGIN.node)}
+    assert [listing.name for listing in await studio.scenes(1).list()] == ["kitchen"]
+    assert [listing.name for listing in await studio.scenes(2).list()] == [None]
+
+
+@pytest.mark.expect_log(r"its header is not believed")
+async def test_a_forged_header_does_not_stand_before_the_scenes_own(autojump_clock: MockClock, studio: Studio) -> None:
+    scene = await studio.scenes(1).create("kitchen")
+    (number,) = studio.nodes.headers
+    good = studio.nodes.headers[number]
+    liar = studio.nodes.addresses[2]
+    studio.nodes.shown[liar] = replace(good, position=good.position + 1000)
+    assert [header for header in await studio.scenes(1).headers() if header.genesis == scene.genesis] == [good]
+    studio.nodes.shown[liar] = good.decided_by(None)
+    assert [header for header in await studio.scenes(1).headers() if header.genesis == scene.genesis] == [good]
 
 
 async def test_a_reader_writes_nothing_and_changes_nothing(autojump_clock: MockClock, studio: Studio) -> None:

@@ -98,6 +98,8 @@ async def test_what_says_more_than_silence_is_the_reason_that_is_given(autojump_
     for seconds in ((0.1, 0.1, 0.1), (0.1, 0.3, 0.2), (0.3, 0.1, 0.1)):
         with pytest.raises(TurnedAway, match="another certificate 1"):
             await asked(Tries((seconds[0], "away"), (seconds[1], "turns away"), (seconds[2], "away")))
+        with pytest.raises(TurnedAway, match="another certificate 1"):
+            await several(Tries((seconds[0], "away"), (seconds[1], "turns away"), (seconds[2], "nonsense")))
 
 
 async def test_one_that_answers_with_nonsense_does_not_speak_for_all(autojump_clock: MockClock) -> None:
