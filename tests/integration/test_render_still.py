@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import OpenEXR
 import pytest
 import trio
@@ -117,6 +118,23 @@ def test_a_scene_of_a_running_cluster(profile: str, tmp_path: Path) -> None:
     assert done.code == 0, done.err
     assert done.json["nodes"] == 2 and done.json["file"] is None and done.json["import"] is None
     assert (tmp_path / "room.exr").stat().st_size > 0 and (tmp_path / "room.png").stat().st_size > 0
+
+
+def test_a_part_of_the_image_with_every_layer_is_that_part_of_the_whole(profile: str, tmp_path: Path) -> None:
+    lit = ["--scene", "room", "--sky", "0.5,0.6,0.7", "--layers", "all"]
+    whole, part = tmp_path / "whole.exr", tmp_path / "part.exr"
+    for to, more in ((whole, []), (part, ["--crop", "10,5,20,12"])):
+        done = still(*lit, *more, "-o", to, profile=profile)
+        assert done.code == 0, done.err
+    assert done.json["crop"] == [10, 5, 20, 12]
+    with OpenEXR.File(str(whole), separate_channels=True) as file, OpenEXR.File(str(part), separate_channels=True) as cut:
+        channels = {name: channel.pixels for name, channel in file.channels().items()}
+        cut_channels = {name: channel.pixels for name, channel in cut.channels().items()}
+    assert channels.keys() == cut_channels.keys() > {"G", "depth.Z", *(f"indirect.{c}" for c in "RGB")}
+    for name, pixels in cut_channels.items():
+        assert np.array_equal(pixels, channels[name][5:17, 10:30]), name
+    outside = scenectl("render", "still", *lit, "--size", "48x27", "--crop", "40,5,20,12", "-o", tmp_path / "o.exr", profile=profile)
+    assert "crop" in outside.refusal(outside.code) and outside.code in (1, 2)
 
 
 def test_what_the_scene_says_counts_for_whoever_says_nothing(profile: str, tmp_path: Path) -> None:
