@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
+from scenefold.node.__main__ import main as run
 from scenefold.store.lmdb_disk import LmdbEnvironment
 from scenefold.world.ports import ReadTransaction, WriteTransaction
 
@@ -55,8 +56,6 @@ def main() -> int:
     parser.add_argument("--data", type=Path, required=True)
     options, arguments = parser.parse_known_args()
     slow_down(slow_file_of(options.data))
-    from scenefold.node.program import main as run
-
     return run([*arguments, "--data", str(options.data)])
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 import gc
 import signal
 import sys
+from collections.abc import Sequence
 
 from scenefold.base.early_signals import leave_at
 
 
-def main() -> int:
-    """Run the node that this process's arguments describe; the exit code."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node that these arguments describe, by default this process's; the exit code."""
     leave_at([signal.SIGTERM, signal.SIGINT], 0)
     # What is imported stays. To look through it again and again meanwhile would take a tenth of the start.
     gc.disable()
@@ -21,7 +22,7 @@ def main() -> int:
 
     gc.freeze()
     gc.enable()
-    return run()
+    return run(arguments)
 
 
 if __name__ == "__main__":
