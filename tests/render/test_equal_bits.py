@@ -130,7 +130,6 @@ def test_distance_is_no_matter_for_an_orthographic_camera() -> None:
     assert np.array_equal(near.radiance, far.radiance)
     hit = np.isfinite(near.layers["depth"])
     assert hit.any()
-    # Depth is kept in shares of the box's diagonal, up to a hundred of them.
     assert (far.layers["depth"][hit] > 100).all()
     assert np.isinf(far.layers["depth"][~hit]).all()
 

@@ -8,10 +8,12 @@ import pytest
 import trio
 
 from render.pool_in_memory import SCENE_KEY, MemoryPool, Records, memory_pool, records_of, sha256_of
-from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.errors import DamagedData, PeerFault, Refused
 from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
+from scenefold.render.in_memory import RecordsInMemory, one_node_job
 from scenefold.render.job import RenderOptions
+from scenefold.render.pool.share import load_share, read_tables
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
     CancelJob,
@@ -176,6 +178,19 @@ async def test_an_empty_scene_is_one_clear_error() -> None:
         owner = await pool.start(61, SMALL)
         state = await pool.until(61, owner, "failed")
         assert "empty" in state["failure"]
+
+
+async def test_a_scene_that_was_imported_anew_meanwhile_is_not_mixed_with_the_one_before(tmp_path: Path) -> None:
+    (tmp_path / "room.obj").write_text(ROOM)
+    (tmp_path / "room.mtl").write_text(MATERIALS)
+    workers = offline_world().workers
+    before = await one_node_job(tmp_path / "room.obj", SMALL, "any", workers)
+    # Within the box of its group: no table tells of it.
+    (tmp_path / "room.obj").write_text(ROOM.replace("v 0.1 0.2 -0.4", "v 0.1 0.1 -0.35"))
+    after = RecordsInMemory(tmp_path / "room.obj")
+    assert (await read_tables(after, workers)).document.content == before.loaded.tables.document.content
+    with pytest.raises(DamagedData, match="changed since the job was made"):
+        await load_share(after, workers, before.job, 0)
 
 
 async def test_ill_formed_rays_are_refused(room: Records) -> None:

@@ -153,7 +153,7 @@ MATERIALS_MAX = 65_535
 INSTANCES_MAX = 1_000_000
 """Every node holds the instance table: 52 MB at this number."""
 LIGHT_TRIANGLES_MAX = 1_000_000
-"""Every node holds the light table: 76 MB at this number."""
+"""Every node holds the light table: 104 MB at this number."""
 TEXTURE_SIDE_MAX = 16_384
 """Pixels along a texture's side; beyond it a file is more likely a decompression bomb than an image."""
 TEXTURE_PIXELS_MAX = 8_192 * 8_192

@@ -186,6 +186,15 @@ class SceneArrays(NamedTuple):
     """[h + 1]: cumulative probabilities of rows, from 0 to 1."""
     environment_columns: F32
     """[h, w + 1]: of columns in each row."""
+    emitter_uses: F32
+    """[emitters]: the emissive texture, an index into `texture_uses`, or -1: `emitter_radiance` is that of every point.
+    This and the two that follow are [1] unless `has_emitter_maps`."""
+    emitter_emissive: F32
+    """[emitters, 3]: radiance before that texture; with its mean it is `emitter_radiance`."""
+    emitter_uvs: F32
+    """[emitters, 3, 2]: where the corners read it, before the use's transform."""
+    has_emitter_maps: bool
+    """Whether an emitter of the scene has one: all nodes hold these textures."""
 
 
 class JobNumbers(NamedTuple):
@@ -203,8 +212,9 @@ class JobNumbers(NamedTuple):
     inverse_emitter_power: float
     """1 / sum of luminance x area over all emitters; 0 without any."""
     camera: F64
-    """[17]: position 3, right 3, up 3, forward 3 (unit), half width and half height of the image plane at
-    distance 1 (perspective) or in world units (orthographic), kind (0, 1), radius of the lens (0: a pinhole), distance of the plane of focus."""
+    """[18]: position 3, right 3, up 3, forward 3 (unit), half width and half height of the image plane at
+    distance 1 (perspective) or in world units (orthographic), kind (0, 1), radius of the lens (0: a pinhole), distance of the plane of focus,
+    and how far the box is from the camera, or from the plane of an orthographic one (0: it is within)."""
     seed: int
     frame: int
     width: int

@@ -2,7 +2,7 @@
 
 A node holds every (instance, group) pair whose world box meets its cell, grown by two steps of t_done: so it
 finds every hit up to the step to which it certifies a ray (specs/07-rays.md). Textures are held where a held
-triangle wears them. Pure: payloads come in, arrays go out.
+triangle wears them, emissive ones of lamps on every node. Pure: payloads come in, arrays go out.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ import numpy.typing as npt
 
 from scenefold.base.rays import T_DONE_STEPS
 from scenefold.partition import Partition
-from scenefold.render.arrays import F32, F64, I64, U8, SceneArrays, TextureColumn
+from scenefold.render.arrays import F32, F64, I64, U8, MaterialColumn, SceneArrays, TextureColumn
 from scenefold.render.environment_kernels import fill_tables
 from scenefold.render.material_rows import material_rows
 from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
 from scenefold.render.setup_kernels import linear_of_srgb
 from scenefold.scene.payloads.geometry import HAS_COLORS, HAS_TANGENTS, HAS_UVS2, GeometryAtom
+from scenefold.scene.payloads.light_table import NO_MATERIAL
 from scenefold.scene.payloads.tiles import TextureTile
 from scenefold.scene.tables import SceneTables, instance_groups
 
@@ -98,6 +99,7 @@ def scene_arrays(
     texture_rows, texels = _textures(tables, tiles)
     lights = tables.lights
     materials, uses = material_rows(tables)
+    emitter_uses, emitter_emissive, emitter_uvs, has_emitter_maps = _emitter_maps(tables, materials)
     return SceneArrays(
         vertices,
         normals,
@@ -120,6 +122,10 @@ def scene_arrays(
         uses,
         *_rarer_attributes([atom for group in sorted(atoms) for atom in atoms[group]], vertex_count),
         *_environment(tables),
+        emitter_uses=emitter_uses,
+        emitter_emissive=emitter_emissive,
+        emitter_uvs=emitter_uvs,
+        has_emitter_maps=has_emitter_maps,
     )
 
 
@@ -152,6 +158,25 @@ def _environment(tables: SceneTables) -> tuple[F32, F32, F32]:
     rows, columns = np.empty(height + 1, np.float32), np.empty((height, width + 1), np.float32)
     fill_tables(texels, np.empty(height), rows, columns)
     return texels, rows, columns
+
+
+def _emitter_maps(tables: SceneTables, materials: F64) -> tuple[F32, F32, F32, bool]:
+    """`emitter_uses`, `emitter_emissive`, `emitter_uvs`, `has_emitter_maps` of `SceneArrays`."""
+    worn = tables.lights.materials
+    mapped = worn != NO_MATERIAL
+    if not mapped.any():
+        return np.full(1, -1.0, np.float32), np.zeros((1, 3), np.float32), np.zeros((1, 3, 2), np.float32), False
+    rows = materials[np.where(mapped, worn, 0)].astype(np.float32)
+    uses = np.where(mapped, rows[:, MaterialColumn.EMISSIVE_USE], np.float32(-1.0))
+    emissive = np.ascontiguousarray(rows[:, MaterialColumn.EMISSIVE : MaterialColumn.EMISSIVE + 3])
+    return uses, emissive, np.ascontiguousarray(tables.lights.coordinates), True
+
+
+def held_textures(tables: SceneTables, atoms: Mapping[int, Sequence[GeometryAtom]]) -> list[int]:
+    """What a node must hold of textures, ascending: those that its triangles wear, and those of all lamps, which light samples read."""
+    named = tables.lights.materials
+    lamps = (tables.materials[number].emissive_texture for number in np.unique(named[named != NO_MATERIAL]))
+    return sorted({*worn_textures(tables, atoms), *(use.texture for use in lamps if use is not None)})
 
 
 def worn_textures(tables: SceneTables, atoms: Mapping[int, Sequence[GeometryAtom]]) -> list[int]:

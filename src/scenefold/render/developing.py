@@ -35,8 +35,11 @@ _ROWS_AT_A_TIME = 65_536
 """So that what is computed on the way takes little memory beside film and image."""
 
 
-def develop(film: Film, names: Iterable[str], box: Box) -> dict[str, Pixels]:
-    """The beauty and these other layers of a film, whose columns must have been written; top row first."""
+def develop(film: Film, names: Iterable[str], box: Box, near: float = 0.0) -> dict[str, Pixels]:
+    """The beauty and these other layers of a film, whose columns must have been written; top row first.
+
+    near: how far the box is from the camera (numbers.depth_of_box); depths are counted from there.
+    """
     names = (BEAUTY, *names)
     assert columns_of(names[1:]).within(film.rows.columns), "a layer whose columns were not written"
     layers = {}
@@ -45,7 +48,8 @@ def develop(film: Film, names: Iterable[str], box: Box) -> dict[str, Pixels]:
         values = np.empty((film.width * film.height, len(kind.channels)), kind.dtype.newbyteorder("="))
         for first in range(0, len(values), _ROWS_AT_A_TIME):
             rows = film.rows.part(first, first + _ROWS_AT_A_TIME)
-            values[first : first + _ROWS_AT_A_TIME] = _LAYERS[name](rows, box)
+            found = _LAYERS[name](rows, box)
+            values[first : first + _ROWS_AT_A_TIME] = found + near if name == "depth" else found
         image = film.in_order(values)
         layers[name] = image if len(kind.channels) > 1 else image[:, :, 0]
     return layers

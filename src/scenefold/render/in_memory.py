@@ -29,9 +29,9 @@ LANE = "render"
 class RecordsInMemory:
     """A `SceneReader` over a file's records."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, environment: Path | None = None) -> None:
         self._records: dict[tuple[SpaceId, Location], bytes] = {}
-        plan = plan_import(read_scene(file))
+        plan = plan_import(read_scene(file, environment=environment))
         for phase in plan.phases():
             for item in phase:
                 place: Location | None = item.location
@@ -55,10 +55,12 @@ class OneNodeJob:
     loaded: LoadedShare
 
 
-async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, workers: Workers) -> OneNodeJob:
-    """Read a scene file and make a job of one node over it; LocalFault if the file cannot be used."""
+async def one_node_job(
+    file: Path, options: RenderOptions, numeric_class: str, workers: Workers, environment: Path | None = None
+) -> OneNodeJob:
+    """Read a scene file and make a job of one node over it, under the map of another one; LocalFault if a file cannot be used."""
     options.check()
-    reader = await workers.run(LANE, RecordsInMemory, file)
+    reader = await workers.run(LANE, RecordsInMemory, file, environment)
     tables = await read_tables(reader, workers)
     camera = tables.camera(options.camera)
     if camera is None:
@@ -80,7 +82,7 @@ async def one_node_job(file: Path, options: RenderOptions, numeric_class: str, w
         scene=SceneId(1),
         genesis=bytes(32),
         keys=NO_KEYS,
-        content=tables.document.content,
+        content=tables.document.digest,
         numeric_class=numeric_class,
         width=options.width,
         height=options.height,

@@ -132,7 +132,7 @@ class Job:
     keys: SealedKeys
     """Of the scene, for those that the client chose: a node reads the scene for as long as the job lasts."""
     content: bytes
-    """SHA-256 of the scene's tables, so that all nodes render the same content or none."""
+    """Of the scene's tables and records (`SceneDocument.digest`), so that all nodes render the same import or none."""
     numeric_class: str
     width: int
     height: int

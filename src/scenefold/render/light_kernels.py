@@ -19,6 +19,7 @@ from scenefold.render.environment_kernels import environment_at, sample_environm
 from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, real_of_whole, select
 from scenefold.render.math_kernels import INVERSE_PI, decode_direction, sine_cosine_of_turns
 from scenefold.render.space_kernels import box_span, longest_side, offset_origin
+from scenefold.render.surface_kernels import texture_of_uses
 
 _KIND, _POSITION, _DIRECTION, _COLOR = LightColumn.KIND, LightColumn.POSITION, LightColumn.DIRECTION, LightColumn.COLOR
 _COS_INNER, _COS_OUTER, _PROBABILITY = LightColumn.COS_INNER, LightColumn.COS_OUTER, LightColumn.PROBABILITY
@@ -78,8 +79,8 @@ def _chosen(flag, sample, other):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def sample_light(scene, job, dice, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """A light sample for the point p whose geometric normal (to the viewer's side) is n.
+def sample_light(scene, job, dice, px, py, pz, nx, ny, nz, scratch):  # type: ignore[no-untyped-def]
+    """A light sample for the point p whose geometric normal (to the viewer's side) is n; scratch: uint32[SCRATCH_WORDS] to work in.
 
     Returns (found, wx, wy, wz, end x, y, z, r, g, b, pdf): unit direction, end point of the shadow ray,
     radiance divided by the sample's probability, and the density per steradian for multiple importance
@@ -99,7 +100,7 @@ def sample_light(scene, job, dice, px, py, pz, nx, ny, nz):  # type: ignore[no-u
     if any_lane(to_punctual):
         sample = _chosen(to_punctual, _sample_punctual(scene, job, rest / job.choose_punctual, px, py, pz), sample)
     if job.choose_emitter > 0.0 and any_lane(to_emitter):
-        sample = _chosen(to_emitter, _sample_emitter(scene, job, alias, u, v, px, py, pz), sample)
+        sample = _chosen(to_emitter, _sample_emitter(scene, job, alias, u, v, px, py, pz, scratch), sample)
     return sample
 
 
@@ -157,7 +158,7 @@ def _sample_punctual(scene, job, choice, px, py, pz):  # type: ignore[no-untyped
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-untyped-def]
+def _sample_emitter(scene, job, alias, u, v, px, py, pz, scratch):  # type: ignore[no-untyped-def]
     index, rest = column_of(alias, scene.emitter_threshold.shape[0])
     kept = rest < gather(scene.emitter_threshold, (index,))
     index = select(kept, index, gather(scene.emitter_alias, (index,)))
@@ -183,6 +184,27 @@ def _sample_emitter(scene, job, alias, u, v, px, py, pz):  # type: ignore[no-unt
     r, g, b = gather(radiance, (index, 0)), gather(radiance, (index, 1)), gather(radiance, (index, 2))
     pdf = emitter_pdf(job, r, g, b, squared, cosine)
     found = (double_area > 1e-30) & (squared > 1e-20) & (cosine > 1e-6) & (pdf > 1e-30)
+    if scene.has_emitter_maps:
+        # The density is of the mean; what is sent out is the texel.
+        uses = gather(scene.emitter_uses, (index,))
+        mapped = uses >= 0.0
+        if any_lane(mapped):
+            tu, tv = _coordinates_at(scene, index, b0, b1, b2)
+            tr, tg, tb, _ = texture_of_uses(scene, uses, (tu, tv, tu, tv), scratch)
+            emissive = scene.emitter_emissive
+            r = select(mapped, tr * gather(emissive, (index, 0)), r)
+            g = select(mapped, tg * gather(emissive, (index, 1)), g)
+            b = select(mapped, tb * gather(emissive, (index, 2)), b)
     # The end point lies a little in front of the emitter, so that the emitter does not shadow itself.
     sx, sy, sz = offset_origin(ex, ey, ez, nx, ny, nz, longest_side(e1x, e1y, e1z, e2x, e2y, e2z))
     return found, wx, wy, wz, sx, sy, sz, r / pdf, g / pdf, b / pdf, pdf
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _coordinates_at(scene, index, b0, b1, b2):  # type: ignore[no-untyped-def]
+    """Texture coordinates of points of emitters, by their barycentric coordinates."""
+    corners = scene.emitter_uvs
+    return (
+        b0 * gather(corners, (index, 0, 0)) + b1 * gather(corners, (index, 1, 0)) + b2 * gather(corners, (index, 2, 0)),
+        b0 * gather(corners, (index, 0, 1)) + b1 * gather(corners, (index, 1, 1)) + b2 * gather(corners, (index, 2, 1)),
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -48,6 +49,17 @@ def job_box(tables: SceneTables) -> tuple[F64, F64]:
             low, high = np.minimum(low, light.position), np.maximum(high, light.position)
     margin = _BOX_MARGIN * diagonal_of(low, high)
     return low - margin, high + margin
+
+
+def depth_of_box(camera: Sequence[float], box: tuple[F64, F64]) -> float:
+    """How far a box is from the camera, or from the plane of an orthographic one: no hit has a smaller depth, and none one that is more than
+    the diagonal larger. camera: as `camera_numbers` has it."""
+    low, high = box
+    position, forward = np.array(camera[0:3], np.float64), np.array(camera[9:12], np.float64)
+    if camera[14] == 0.0:
+        return diagonal_of(np.zeros(3), np.maximum(np.maximum(low - position, position - high), 0.0))
+    x, y, z = (float(value) for value in np.where(forward > 0.0, low - position, high - position) * forward)
+    return max(x + y + z, 0.0)
 
 
 def diagonal_of(low: F64, high: F64) -> float:
@@ -98,7 +110,9 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
         choose_punctual=choose_punctual,
         choose_emitter=choose_emitter,
         inverse_emitter_power=1.0 / power if power > 0.0 else 0.0,
-        camera=np.array([*job.camera[:15], *((0.0, 0.0) if job.lens is None else job.lens.row())], np.float64),
+        camera=np.array(
+            [*job.camera[:15], *((0.0, 0.0) if job.lens is None else job.lens.row()), depth_of_box(job.camera, (low, high))], np.float64
+        ),
         seed=job.seed,
         frame=job.frame,
         width=job.width,

@@ -47,7 +47,7 @@ from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
-from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
+from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, DEPTH_END, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
 from scenefold.render.surface_kernels import coordinates_at, material_at, reach_at, surface_at, texture_of
 
 STATUS_FORWARD = 0
@@ -256,7 +256,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         weight = select(found, _power_weight(decode_pdf(ray.pdf), other), 1.0)
         mapped = (features & _EMISSIVE_MAP) != np.uint32(0)
         if any_lane(mapped):
-            # The density above is of the mean, by which light samples choose; what is seen is the texel.
+            # The density above is of the mean, by which light samples choose; what is sent out is the texel.
             tr, tg, tb, _ = texture_of(scene, material, _EMISSIVE_USE, places, scratch)
             emission_r = select(mapped, tr * gather(rows, (material, _EMISSIVE)), emission_r)
             emission_g = select(mapped, tg * gather(rows, (material, _EMISSIVE + 1)), emission_g)
@@ -299,7 +299,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, reach)
 
     # A shadow ray towards one light sample.
-    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, dice, fx, fy, fz, gx, gy, gz)
+    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, dice, fx, fy, fz, gx, gy, gz, scratch)
     found = live & found & (wx * gx + wy * gy + wz * gz > 0.0)
     if any_lane(found):
         wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
@@ -391,7 +391,7 @@ def _note_first_hits(first, path, job, diagonal, base_r, base_g, base_b, sx, sy,
     put(reals, 3 * LANES, sx)
     put(reals, 4 * LANES, sy)
     put(reals, 5 * LANES, sz)
-    put(reals, DEPTH * LANES, min(depth_of(job, px, py, pz) / diagonal, 100.0))
+    put(reals, DEPTH * LANES, min(max((depth_of(job, px, py, pz) - job.camera[17]) / diagonal, 0.0), DEPTH_END))
     put(scratch, HIT * LANES, path)
     left = bits_of_flags(first)
     for k in range(LANES):

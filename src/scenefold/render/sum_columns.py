@@ -33,7 +33,10 @@ ALBEDO = 0
 NORMAL = 3
 """Shading normal in world space, turned to where the ray came from."""
 DEPTH = 6
-"""Distance from the camera (orthographic: from its plane) as a share of the box's diagonal."""
+"""Distance from the camera (orthographic: from its plane), less that at which the job's box begins, as a share of the box's diagonal:
+so it lies within 0 and 1 wherever the camera is."""
+DEPTH_END = 2.0
+"""What it is cut off at, for whole numbers' sake; no hit comes near it."""
 HIT = 7
 PLAIN_AOVS = 8
 POSITION = 8

@@ -153,18 +153,23 @@ def texture_of(scene, material, column, places, scratch):  # type: ignore[no-unt
 
     places: both sets of coordinates, four lanes. Lane by lane: almost all that it does is to look up texels.
     """
-    rows, reals = scene.materials, scratch.view(np.float32)
-    named = gather(rows, (material, column))
+    return texture_of_uses(scene, gather(scene.materials, (material, column)), places, scratch)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def texture_of_uses(scene, uses, places, scratch):  # type: ignore[no-untyped-def]
+    """The same of texture uses by their numbers, as reals; -1: none."""
+    reals = scratch.view(np.float32)
     one = alike(1.0, places[0])
-    if not any_lane(named >= 0.0):
+    if not any_lane(uses >= 0.0):
         return one, one, one, one
-    put(scratch, 0, material)
+    put(reals, 0, uses)
     put(reals, LANES, places[0])
     put(reals, 2 * LANES, places[1])
     put(reals, 3 * LANES, places[2])
     put(reals, 4 * LANES, places[3])
     for k in range(LANES):
-        use = int(rows[scratch[k], column])
+        use = int(reals[k])
         r = g = b = a = 1.0
         if use >= 0:
             r, g, b, a = sample_use(scene, use, reals[LANES + k], reals[2 * LANES + k], reals[3 * LANES + k], reals[4 * LANES + k])

@@ -78,7 +78,7 @@ def _source() -> object:
 
 def _render(algorithm: Algorithm) -> None:
     from scenefold.partition import make_partition
-    from scenefold.render.content import pair_boxes, scene_arrays, share_of, worn_textures
+    from scenefold.render.content import held_textures, pair_boxes, scene_arrays, share_of
     from scenefold.render.contract import HeldGroup, HeldScene, load_renderer
     from scenefold.render.developing import develop
     from scenefold.render.film import Film
@@ -107,7 +107,7 @@ def _render(algorithm: Algorithm) -> None:
     partition.owner(np.zeros((1, 3)), np.ones((1, 3)))
     renderer = load_renderer("embree")
     job = Job(
-        id=1, scene=SceneId(1), genesis=bytes(32), keys=NO_KEYS, content=document.content,
+        id=1, scene=SceneId(1), genesis=bytes(32), keys=NO_KEYS, content=document.digest,
         numeric_class=renderer.numeric_class(), width=16, height=16, samples=2, seed=1, frame=0, depth=4, sky=(0.5, 0.5, 0.5),
         camera=camera_numbers(camera, 16, 16), nodes=(NodeId(2), NodeId(3)), partition=partition,
     )  # fmt: skip
@@ -119,7 +119,7 @@ def _render(algorithm: Algorithm) -> None:
             group: tables.group_atoms(group, [records[GEOMETRY, place] for place in tables.groups.locations(group)])
             for group in share.groups
         }
-        worn = worn_textures(tables, atoms)
+        worn = held_textures(tables, atoms)
         tiles = {number: [decode_tile(records[TEXTURES, place]) for place in tables.textures[number].tiles] for number in worn}
         held = tuple(HeldGroup(g, int(tables.groups.prototypes[g]), int(tables.groups.triangles[g])) for g in share.groups)
         instances = tuple((number, int(tables.instances.prototypes[number])) for number in share.instances)

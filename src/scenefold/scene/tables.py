@@ -26,7 +26,7 @@ from scenefold.scene.payloads.environment import Environment, join_environment
 from scenefold.scene.payloads.geometry import GeometryAtom, decode_atom
 from scenefold.scene.payloads.groups import GroupTable, decode_groups, join_groups
 from scenefold.scene.payloads.instances import InstanceTable, decode_instances, join_instances
-from scenefold.scene.payloads.light_table import LightTable, decode_lights, join_lights
+from scenefold.scene.payloads.light_table import NO_MATERIAL, LightTable, decode_lights, join_lights
 from scenefold.scene.payloads.materials import Material, decode_materials
 from scenefold.scene.payloads.punctual import PunctualLight, decode_punctual
 from scenefold.scene.payloads.textures import Texture, join_textures
@@ -163,3 +163,6 @@ def _check_lights(tables: SceneTables) -> None:
     owners = tables.instances.prototypes[lights.instances] == groups.prototypes[lights.groups]
     if not (owners & (lights.triangles < groups.triangles[lights.groups])).all():
         raise DamagedData("the light table names a triangle that is not there")
+    mapped = [number for number, material in enumerate(tables.materials) if material.emissive_texture is not None]
+    if not np.isin(lights.materials[lights.materials != NO_MATERIAL], mapped).all():
+        raise DamagedData("the light table names a material that has no emissive texture")

@@ -28,6 +28,7 @@ from scenefold.render import (
 from scenefold.render.dice_kernels import column_of as _column
 from scenefold.render.environment_kernels import environment_at as _environment_at
 from scenefold.render.environment_kernels import sample_environment as _sample_environment
+from scenefold.render.generate_kernels import SCRATCH_WORDS
 from scenefold.render.light_kernels import sample_light as _light
 from scenefold.render.record_kernels import read_rays as _read_rays
 from scenefold.render.record_kernels import write_rays as _write_rays
@@ -302,13 +303,14 @@ def rolled(job: Any, pixels: Any, samples: Any, bounce: int, number: int) -> npt
 
 
 @njit(error_model="numpy")
-def _lights(scene, job, points, samples, normal, out):
+def _lights(scene, job, points, samples, normal, out, scratch):
     for i in range(0, samples.shape[0], _LANES):
         number = _take(samples, i)
         dice = _dice(job, _alike(np.uint32(77), number), number, _alike(np.uint32(2), number))
         found = _light(
             scene, job, dice, _take(points[0], i), _take(points[1], i), _take(points[2], i),
             _alike(normal[0], _take(points[0], i)), _alike(normal[1], _take(points[0], i)), _alike(normal[2], _take(points[0], i)),
+            scratch,
         )  # fmt: skip
         _put(out[0], i, _select(found[0], 1.0, 0.0))
         for column, value in enumerate(found[1:]):
@@ -356,7 +358,7 @@ def lights(scene: Any, job: Any, points: Any, samples: U32, normal: Any) -> npt.
     """Light samples at f64[n, 3] or f64[3]: f64[n, 11]: found, direction, end, radiance by probability, density."""
     out = np.empty((11, len(samples)), np.float32)
     spread = np.ascontiguousarray(np.broadcast_to(np.asarray(points, np.float32), (len(samples), 3)).T)
-    _lights(scene, job, spread, samples, np.asarray(normal, np.float64), out)
+    _lights(scene, job, spread, samples, np.asarray(normal, np.float64), out, np.empty(SCRATCH_WORDS, np.uint32))
     found: npt.NDArray[np.float64] = out.T.astype(np.float64)
     return found
 

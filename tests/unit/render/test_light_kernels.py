@@ -89,6 +89,10 @@ def lit_scene() -> SceneArrays:
         environment=np.zeros((1, 1, 3), np.float32),
         environment_rows=np.array([0.0, 1.0], np.float32),
         environment_columns=np.array([[0.0, 1.0]], np.float32),
+        emitter_uses=np.full(1, -1.0, np.float32),
+        emitter_emissive=np.zeros((1, 3), np.float32),
+        emitter_uvs=np.zeros((1, 3, 2), np.float32),
+        has_emitter_maps=False,
     )
 
 

@@ -18,7 +18,7 @@ from scenefold.scene.payloads.cameras import Camera, decode_cameras, encode_came
 from scenefold.scene.payloads.document import COUNTS, TABLES, SceneDocument, content_hash, decode_document, encode_document
 from scenefold.scene.payloads.groups import ATOM_ROW, GROUP_ROW, decode_groups, encode_groups, join_groups, page_bounds
 from scenefold.scene.payloads.instances import INSTANCE_ROW, INSTANCES_OF_A_PAGE, decode_instances, encode_instances
-from scenefold.scene.payloads.light_table import LIGHT_ROW, LIGHTS_OF_A_PAGE, decode_lights, encode_lights
+from scenefold.scene.payloads.light_table import decode_lights, encode_lights, join_lights, light_rows, lights_of_a_page
 from scenefold.scene.payloads.materials import Material, decode_materials, encode_materials
 from scenefold.scene.payloads.punctual import PunctualLight, decode_punctual, encode_punctual
 from scenefold.scene.payloads.textures import Texture, encode_textures, join_textures
@@ -115,13 +115,15 @@ def test_the_content_hash_tells_cuts_apart() -> None:
 
 def sample_pages() -> list[tuple[str, bytes]]:
     groups, atoms = group_tables([2, 3])
-    instances, lights = np.zeros(3, INSTANCE_ROW), np.zeros(2, LIGHT_ROW)
+    instances, lights, mapped = np.zeros(3, INSTANCE_ROW), light_rows(2), light_rows(2)
     instances["matrix"] = np.eye(4)[:3]
-    lights["probability"] = 0.5
+    lights["probability"] = mapped["probability"] = 0.5
+    mapped["material"][1] = 0
     return [
         ("groups", encode_groups(0, groups, atoms)),
         ("instances", encode_instances(0, instances)),
-        ("lights", encode_lights(0, lights)),
+        ("lights", encode_lights(lights)[0]),
+        ("mapped lights", encode_lights(mapped)[0]),
         ("materials", encode_materials([Material(name="m")])[0]),
         ("cameras", encode_cameras([Camera("c", np.eye(4))])[0]),
         ("punctual", encode_punctual([PunctualLight(kind="point", color=(1.0, 1.0, 1.0))])[0]),
@@ -132,7 +134,7 @@ def sample_pages() -> list[tuple[str, bytes]]:
 
 
 DECODERS = {
-    "groups": decode_groups, "instances": decode_instances, "lights": decode_lights, "materials": decode_materials,
+    "groups": decode_groups, "instances": decode_instances, "lights": decode_lights, "mapped lights": decode_lights, "materials": decode_materials,
     "cameras": decode_cameras, "punctual": decode_punctual, "tiles": decode_tile,
     "textures": lambda payload: join_textures([payload]), "document": decode_document,
 }  # fmt: skip
@@ -169,7 +171,19 @@ def test_an_instance_that_no_ray_can_be_carried_into_is_damaged_data(entry: np.n
 
 def test_pages_fit_a_record() -> None:
     assert len(encode_instances(0, np.zeros(INSTANCES_OF_A_PAGE, INSTANCE_ROW))) <= PAYLOAD_BYTES_MAX
-    assert len(encode_lights(0, np.zeros(LIGHTS_OF_A_PAGE, LIGHT_ROW))) <= PAYLOAD_BYTES_MAX
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_lights_come_back_page_by_page(mapped: bool) -> None:
+    rows = light_rows(lights_of_a_page(mapped) + 1)
+    rows["triangle"] = np.arange(len(rows))
+    if mapped:
+        rows["material"][-1], rows["coordinates"][-1] = 7, [[0, 1], [2, 3], [4, 5]]
+    pages = encode_lights(rows)
+    assert len(pages) == 2 and all(len(page) <= PAYLOAD_BYTES_MAX and page[4] == 1 + mapped for page in pages)
+    found = [decode_lights(page) for page in pages]
+    assert [page.first for page in found] == [0, len(rows) - 1]
+    assert np.array_equal(join_lights(found).rows, rows)
 
 
 def test_lists_spread_over_the_line() -> None:

@@ -17,13 +17,13 @@ from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import PASS_PATHS_MAX
 from scenefold.partition import Partition, make_partition
 from scenefold.render.arrays import F32, I32, I64, U32
-from scenefold.render.content import pair_boxes, scene_arrays, share_of, worn_textures
+from scenefold.render.content import held_textures, pair_boxes, scene_arrays, share_of
 from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Renderer, Tracer
 from scenefold.render.developing import develop
 from scenefold.render.film import Film
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.layers import Pixels, in_order
-from scenefold.render.numbers import camera_numbers, job_box, job_numbers
+from scenefold.render.numbers import camera_numbers, depth_of_box, job_box, job_numbers
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.sealed_keys import NO_KEYS
 from scenefold.render.sum_columns import SumColumns
@@ -100,7 +100,7 @@ class Rig:
             scene=SceneId(1),
             genesis=bytes(32),
             keys=NO_KEYS,
-            content=self.tables.document.content,
+            content=self.tables.document.digest,
             numeric_class=self._renderer.numeric_class(),
             width=asked.width,
             height=asked.height,
@@ -126,7 +126,7 @@ class Rig:
             group: self.tables.group_atoms(group, [self._records[GEOMETRY, place] for place in self.tables.groups.locations(group)])
             for group in share.groups
         }
-        textures = worn_textures(self.tables, groups)
+        textures = held_textures(self.tables, groups)
         tiles = {
             number: [decode_tile(self._records[TEXTURES, place]) for place in self.tables.textures[number].tiles] for number in textures
         }
@@ -171,7 +171,8 @@ class Rig:
                 counters += flight.total.counters
                 passed, casts = passed + flight.passed, casts + flight.casts
         held = tuple(len(share_of(self.tables, job.partition, me).groups) for me in range(nodes))
-        layers = develop(film, in_order((*job.layers, "variance")), job_box(self.tables))
+        box = job_box(self.tables)
+        layers = develop(film, in_order((*job.layers, "variance")), box, depth_of_box(job.camera, box))
         return Rendered(np.concatenate(radiance), np.concatenate(aovs), film, layers, counters, passed, casts, held)
 
 

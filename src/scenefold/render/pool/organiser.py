@@ -6,7 +6,7 @@ partition, as one value. Passes belong to all nodes. If a node is lost, the job 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import trio
@@ -22,7 +22,7 @@ from scenefold.render.developing import Box, develop
 from scenefold.render.film import EVERY_ROW, Film, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.layers import packed
-from scenefold.render.numbers import camera_numbers, job_box
+from scenefold.render.numbers import camera_numbers, depth_of_box, job_box
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
@@ -170,7 +170,7 @@ class Organiser:
             await self._gather(job)
             film = self._film(job)
             self._traced = int(film.rows.samples.sum(dtype=np.int64))
-            self.image = await self._host.world.workers.run(FILM_LANE, _image, film, job.layers, job_box(tables))
+            self.image = await self._host.world.workers.run(FILM_LANE, _image, film, job, job_box(tables))
 
     async def _film_before(self, job: Job) -> GoesOn:
         """Put the film that the job goes on from into ours, if there is one; the rows that went on to the level that it is in."""
@@ -269,7 +269,7 @@ class Organiser:
             scene=request.scene,
             genesis=request.genesis,
             keys=request.keys,
-            content=tables.document.content,
+            content=tables.document.digest,
             numeric_class=self._renderer.numeric_class(),
             width=options.width,
             height=options.height,
@@ -401,8 +401,8 @@ def _event(job: Job, document: dict[str, Value]) -> JobEvent:
     return JobEvent(job=job.id, document=pack_value(document))
 
 
-def _image(film: Film, layers: Sequence[str], box: Box) -> bytes:
-    return packed(develop(film, layers, box))
+def _image(film: Film, job: Job, box: Box) -> bytes:
+    return packed(develop(film, job.layers, box, depth_of_box(job.camera, box)))
 
 
 def _whole(value: Value | None) -> int:

@@ -11,7 +11,7 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.render.arrays import JobNumbers
-from scenefold.render.content import Share, scene_arrays, share_of, worn_textures
+from scenefold.render.content import Share, held_textures, scene_arrays, share_of
 from scenefold.render.contract import HeldGroup, HeldScene
 from scenefold.render.job import Job
 from scenefold.render.numbers import job_numbers
@@ -70,14 +70,14 @@ async def read_tables(reader: SceneReader, workers: Workers) -> SceneTables:
 async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int) -> LoadedShare:
     """Everything that node `me` of a job must hold; DamagedData if the scene is not the job's."""
     tables = await read_tables(reader, workers)
-    if tables.document.content != job.content:
+    if tables.document.digest != job.content:
         raise DamagedData("the scene changed since the job was made", remedy="start the render again")
     share = await workers.run(LANE, share_of, tables, job.partition, me)
     locations = [location for group in share.groups for location in tables.groups.locations(group)]
     payloads = await reader.get_many(GEOMETRY, locations)
     atoms = await workers.run(LANE, _decode_groups, tables, share, payloads)
     bytes_read = sum(len(payload) for payload in payloads if payload is not None)
-    textures = worn_textures(tables, atoms)
+    textures = held_textures(tables, atoms)
     spots = [location for texture in textures for location in tables.textures[texture].tiles]
     tile_payloads = await reader.get_many(TEXTURES, spots)
     tiles = await workers.run(LANE, _decode_tiles, tables, textures, tile_payloads)

@@ -1,7 +1,7 @@
 """A digest of all that a scene's image depends on, put together from what each node holds (specs/08-passes.md, *Kept renders*). Pure.
 
-A scene's tables name its groups and textures; `content` is the digest of the tables, and what lies in the records that they name
-is no part of it. A group's digest covers its geometry and the textures that it wears. A node tells the sum of those of the groups that no
+A scene's own digest (`SceneDocument.digest`) is of what an import wrote; a record that was changed by itself since then is no part of it.
+A group's digest covers its geometry and the textures that it wears. A node tells the sum of those of the groups that no
 node before it holds: so the sum over all nodes is that of all groups, each once, however space is divided.
 """
 
@@ -42,7 +42,7 @@ def sum_of_groups(
 
 
 def digest_of_scene(content: bytes, sums: Iterable[bytes]) -> bytes:
-    """Of the tables' digest, and what each node told."""
+    """Of the scene's own digest, and what each node told."""
     total = sum(int.from_bytes(one, "big") for one in sums) % _MODULUS
     return hashlib.sha256(b"scenefold/whole scene" + content + total.to_bytes(DIGEST_BYTES, "big")).digest()
 

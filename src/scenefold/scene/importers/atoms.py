@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scenefold.base.limits import ATOM_TRIANGLES_MAX, GROUP_TRIANGLES_TARGET
 from scenefold.scene.importers.runs import Run
-from scenefold.scene.payloads.geometry import atom_bytes, encode_packed, fits
+from scenefold.scene.payloads.geometry import VertexAttributes, atom_bytes, encode_packed, fits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,6 +23,9 @@ class CutAtom:
     payload: bytes
     corners: NDArray[np.float32]
     """f32[nt, 3, 3]"""
+    triangles: NDArray[np.uint32]
+    """u32[nt, 3], into the attributes."""
+    attributes: VertexAttributes
     materials: NDArray[np.uint16]
     low: NDArray[np.float32]
     high: NDArray[np.float32]
@@ -53,5 +56,7 @@ def cut(run: Run, first_group: int) -> Iterator[CutAtom]:
         group = first_group + start * groups // total
         triangles = corners.reshape(-1, 3).astype(np.uint32)
         positions = run.positions[used]
-        payload = encode_packed(run.prototype, group, positions, run.attributes.taken(used), triangles, materials)
-        yield CutAtom(group, start, payload, positions[triangles], materials, positions.min(axis=0), positions.max(axis=0))
+        attributes = run.attributes.taken(used)
+        payload = encode_packed(run.prototype, group, positions, attributes, triangles, materials)
+        low, high = positions.min(axis=0), positions.max(axis=0)
+        yield CutAtom(group, start, payload, positions[triangles], triangles, attributes, materials, low, high)

@@ -12,12 +12,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from scenefold.scene.importers.atoms import CutAtom
 from scenefold.scene.importers.matrices import determinant, move_points
-from scenefold.scene.payloads.light_table import LIGHT_ROW
+from scenefold.scene.payloads.light_table import LIGHT_ROW, NO_MATERIAL, light_rows
 from scenefold.scene.payloads.materials import Material
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-_SHINING = np.dtype([("group", "<u4"), ("triangle", "<u4"), ("material", "<u2"), ("corners", "<f4", (3, 3))])
+_SHINING = np.dtype(
+    [("group", "<u4"), ("triangle", "<u4"), ("material", "<u2"), ("corners", "<f4", (3, 3)), ("coordinates", "<f4", (3, 2))]
+)
+_NO_SET = -1
 
 
 class Emitters:
@@ -27,16 +31,27 @@ class Emitters:
         self.shines = np.array([material.is_sampled_light for material in materials], bool)
         self._emission = np.array([material.mean_emissive for material in materials], np.float32).reshape(-1, 3)
         self._sides = np.array([material.double_sided for material in materials], np.uint32)
+        uses = [material.emissive_texture for material in materials]
+        self._uv_sets = np.array([_NO_SET if use is None else use.uv_set for use in uses], np.int8)
         self._found: dict[int, list[NDArray[np.void]]] = {}
 
-    def add(self, prototype: int, group: int, first: int, corners: NDArray[np.float32], materials: NDArray[np.uint16]) -> None:
+    @property
+    def mapped(self) -> bool:
+        """Whether a material that shines has an emissive texture."""
+        return bool((self._uv_sets[self.shines] != _NO_SET).any())
+
+    def add(self, prototype: int, first: int, atom: CutAtom) -> None:
         """Triangles of an atom, of which the first is number `first` of its group."""
-        where = np.flatnonzero(self.shines[materials])
+        where = np.flatnonzero(self.shines[atom.materials])
         if len(where) == 0:
             return
         rows = np.zeros(len(where), _SHINING)
-        rows["group"], rows["triangle"] = group, where + first
-        rows["material"], rows["corners"] = materials[where], corners[where]
+        rows["group"], rows["triangle"] = atom.group, where + first
+        rows["material"], rows["corners"] = atom.materials[where], atom.corners[where]
+        for uv_set, places in enumerate((atom.attributes.uvs, atom.attributes.uvs2)):
+            read = self._uv_sets[rows["material"]] == uv_set
+            if places is not None and read.any():
+                rows["coordinates"][read] = places[atom.triangles[where[read]]]
         self._found.setdefault(prototype, []).append(rows)
 
     def table(self, instances: NDArray[np.void]) -> NDArray[np.void]:
@@ -57,15 +72,17 @@ class Emitters:
         return shining
 
     def _placed(self, instance: int, matrix: NDArray[np.float64], shining: NDArray[np.void]) -> NDArray[np.void]:
-        rows = np.zeros(len(shining), LIGHT_ROW)
+        rows = light_rows(len(shining))
         rows["instance"] = instance
         rows["group"], rows["triangle"] = shining["group"], shining["triangle"]
-        corners = shining["corners"]
+        corners, coordinates = shining["corners"], shining["coordinates"]
         if instance:
-            moved = move_points(matrix, corners.reshape(-1, 3)).astype(np.float32).reshape(-1, 3, 3)
+            corners = move_points(matrix, corners.reshape(-1, 3)).astype(np.float32).reshape(-1, 3, 3)
+        if instance and determinant(matrix) < 0:
             # The side that shines stays outside under a mirror.
-            corners = moved[:, [0, 2, 1]] if determinant(matrix) < 0 else moved
-        rows["corners"] = corners
+            corners, coordinates = corners[:, [0, 2, 1]], coordinates[:, [0, 2, 1]]
+        rows["corners"], rows["coordinates"] = corners, coordinates
+        rows["material"] = np.where(self._uv_sets[shining["material"]] == _NO_SET, np.uint32(NO_MATERIAL), shining["material"])
         rows["emission"], rows["two_sided"] = self._emission[shining["material"]], self._sides[shining["material"]]
         return rows
 

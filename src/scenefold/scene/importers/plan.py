@@ -38,7 +38,7 @@ from scenefold.scene.layout import DOCUMENT_LOCATION, GEOMETRY, META, TEXTURES, 
 from scenefold.scene.payloads.document import NOT_CARRIED_MAX, TABLES, SceneDocument, content_hash, encode_document
 from scenefold.scene.payloads.environment import TEXELS_OF_A_PAGE
 from scenefold.scene.payloads.groups import ATOM_ROW, GROUP_ROW
-from scenefold.scene.payloads.light_table import LIGHTS_OF_A_PAGE
+from scenefold.scene.payloads.light_table import lights_of_a_page
 from scenefold.scene.payloads.materials import encode_materials
 
 Progress = Callable[[str, int, int], None]
@@ -152,7 +152,7 @@ class ImportPlan:
                 remedy="give light sources simpler meshes",
             )
         # Generous: atoms of 350 triangles, pages half full, long names.
-        pages = lights // LIGHTS_OF_A_PAGE + len(self._instances) // 1_000 + self.triangles // 350 // 600
+        pages = lights // lights_of_a_page(self._emitters.mapped) + len(self._instances) // 1_000 + self.triangles // 350 // 600
         pages += len(self._runs) // 600 + len(self._material_pages) + self._tiles() // 1_000 + 16
         pages += (len(self._source.textures) + len(self._cameras) + len(self._source.punctual)) // 20
         pages += len(self._source.environment) // TEXELS_OF_A_PAGE + 1
@@ -179,7 +179,7 @@ class ImportPlan:
             self._groups["flags"][first_group : first_group + groups] = run.attributes.flags
             for atom in cut(run, first_group):
                 start = atom.start - group_starts.setdefault(atom.group, atom.start)
-                self._emitters.add(run.prototype, atom.group, start, atom.corners, atom.materials)
+                self._emitters.add(run.prototype, start, atom)
                 self._enter(atom)
                 yield self._record(GEOMETRY, self._atom_location(atom, matrix), atom.payload, "atoms")
                 done += len(atom.materials)

@@ -14,7 +14,7 @@ from scenefold.scene.payloads.cameras import Camera, encode_cameras
 from scenefold.scene.payloads.environment import encode_environment
 from scenefold.scene.payloads.groups import encode_groups, page_bounds
 from scenefold.scene.payloads.instances import INSTANCES_OF_A_PAGE, encode_instances
-from scenefold.scene.payloads.light_table import LIGHTS_OF_A_PAGE, encode_lights
+from scenefold.scene.payloads.light_table import encode_lights
 from scenefold.scene.payloads.punctual import encode_punctual
 from scenefold.scene.payloads.textures import Texture, encode_textures
 
@@ -41,7 +41,7 @@ def table_pages(
         "cameras": encode_cameras(cameras),
         "punctual": encode_punctual(source.punctual),
         "environment": encode_environment(source.environment),
-        "lights": [encode_lights(first, lights[first : first + LIGHTS_OF_A_PAGE]) for first in range(0, len(lights), LIGHTS_OF_A_PAGE)],
+        "lights": encode_lights(lights),
     }
 
 

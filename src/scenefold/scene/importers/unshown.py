@@ -23,5 +23,4 @@ def unshown(source: SourceScene) -> list[str]:
         found.note(what + _KEPT, sum(has(material) for material in source.materials))
     # KHR_lights_punctual cuts light off there, which no real light does.
     found.note("ranges of punctual lights" + _KEPT, sum(light.range > 0.0 for light in source.punctual))
-    found.note("emissive textures, whose light samples have their mean", sum(one.emissive_texture is not None for one in source.materials))
     return found.lines()

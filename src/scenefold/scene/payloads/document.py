@@ -25,6 +25,7 @@ ENVIRONMENT = "environment"
 """The table that only documents of version 2 have."""
 DIGEST_BYTES = 32
 NOT_CARRIED_MAX = 24
+_DIGEST_MARK = b"scenefold/scene content"
 
 TABLES: dict[str, SpaceId] = {
     "groups": GROUPS,
@@ -60,6 +61,11 @@ class SceneDocument:
     """SHA-256 over the payloads of all atoms and tiles in the order of the group and texture tables."""
     not_carried: tuple[str, ...]
     """What the importer could not take over, in words."""
+
+    @property
+    def digest(self) -> bytes:
+        """Of everything that was imported, tables and records: what a job names, so that all its nodes read one import."""
+        return hashlib.sha256(_DIGEST_MARK + self.content + self.records).digest()
 
     def locations(self) -> list[tuple[SpaceId, Location]]:
         """All table pages in the order of TABLES."""

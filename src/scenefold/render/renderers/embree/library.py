@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scenefold.base.errors import LocalFault
 
 ISA: Final = "avx2"
-ARITHMETIC: Final = 4
+ARITHMETIC: Final = 5
 """Of our own kernels: one more whenever a change of theirs changes the bits of an image."""
 
 _GEOMETRY_TRIANGLE = 0

@@ -9,9 +9,9 @@ import numpy as np
 from scenefold.render.arrays import F64, I32, JobNumbers
 from scenefold.render.record_columns import PathRays
 from scenefold.render.renderers.mitsuba.library import Mitsuba
+from scenefold.render.sum_columns import DEPTH_END
 
 _UNIT = 2.0**24
-_DEPTH_MAX = 100.0
 _ALBEDO_MAX = 100.0
 
 
@@ -30,7 +30,7 @@ def note_first_hits(mitsuba: Mitsuba, scene: Any, numbers: JobNumbers, chosen: P
     diagonal = float(np.linalg.norm(numbers.box_high - numbers.box_low))
     aovs[rows, 0:3] = _whole(np.minimum(albedo[found], _ALBEDO_MAX))
     aovs[rows, 3:6] = _whole(normals[found])
-    aovs[rows, 6] = _whole(np.minimum(_depths(numbers, points[found]) / diagonal, _DEPTH_MAX))
+    aovs[rows, 6] = _whole(np.clip((_depths(numbers, points[found]) - numbers.camera[17]) / diagonal, 0.0, DEPTH_END))
     aovs[rows, 7] = 1
 
 
