@@ -106,7 +106,7 @@ class PreparedImport:
 
 
 async def prepare_import(
-    world: World, path: Path, progress: ProgressCallback, moment: Moment | None = None, environment: Path | None = None
+    world: World, path: Path, progress: ProgressCallback, moment: Moment | None = None, environment: Path | str | None = None
 ) -> PreparedImport:
     """Read a file, at a moment of its animations (None: at rest), and its environment map, in a worker thread; LocalFault says what is wrong with it."""
     from scenefold.scene.importers import AT_REST, plan_import, read_scene

@@ -221,14 +221,15 @@ class Scene:
         bytes_per_s: float | None = None,
         *,
         moment: Moment | None = None,
+        environment: Path | str | None = None,
     ) -> ImportReport:
         """Read a glTF, GLB, OBJ, PLY or STL file and store it as this scene's content.
 
         The content becomes visible at once when everything is durable, and not before. An interrupted import is
         repeated by calling this again; what is there already is kept. LocalFault says what is wrong with a file.
         `progress`: a function that is told of every step, or True to have the phases in the log. `bytes_per_s`: of payloads, at most.
-        `moment`: of a file that moves; None: at rest.
+        `moment`: of a file that moves; None: at rest. `environment`: a Radiance or OpenEXR image of what lies infinitely far around; None: nothing.
         """
         tell = callback_of(progress)
-        prepared = await prepare_import(self.access.calls.world, Path(path), tell, moment)
+        prepared = await prepare_import(self.access.calls.world, Path(path), tell, moment, environment)
         return await store_import(self.access, prepared, tell, bytes_per_s)

@@ -178,7 +178,7 @@ class Scenes:
         progress: ProgressCallback | bool = False,
         bytes_per_s: float | None = None,
         *,
-        environment: Path | None = None,
+        environment: Path | str | None = None,
         replacing: Callable[[SceneDocument], None] | None = None,
         moment: Moment | None = None,
     ) -> tuple[Scene, ImportReport]:

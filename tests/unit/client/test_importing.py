@@ -66,6 +66,17 @@ async def test_a_file_becomes_the_content_of_a_scene(autojump_clock: MockClock, 
     assert any(state.done == state.total for state in states if state.phase == "geometry")
 
 
+async def test_a_scene_is_imported_under_an_environment_map(autojump_clock: MockClock, file: Path, tmp_path: Path) -> None:
+    sky = tmp_path / "sky.hdr"
+    sky.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + 8 * bytes([128, 128, 128, 129]))
+    scene = _scene(FakeNodes())
+    await scene.import_file(file, environment=str(sky))
+    content = await scene.content()
+    assert content is not None and content.counts["environment"] == 8
+    with pytest.raises(LocalFault):
+        await scene.import_file(file, environment=tmp_path / "missing.hdr")
+
+
 async def test_what_an_import_replaces_is_told_before_it_is_gone(autojump_clock: MockClock, file: Path, tmp_path: Path) -> None:
     scene, told = _scene(FakeNodes()), list[str]()
     other = tmp_path / "other.obj"

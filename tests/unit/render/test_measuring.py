@@ -57,6 +57,13 @@ async def test_a_file_becomes_a_job_of_one_node_that_holds_everything(cornell: P
     assert isinstance(load_renderer("embree"), MeasuredRenderer)
 
 
+async def test_a_job_of_one_node_may_have_an_environment_map(cornell: Path, tmp_path: Path) -> None:
+    sky = tmp_path / "sky.hdr"
+    sky.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + 8 * bytes([128, 128, 128, 129]))
+    one = await one_node_job(cornell, OPTIONS, "any", offline_world().workers, sky)
+    assert one.loaded.numbers.has_environment and one.loaded.held.arrays.environment.shape == (2, 4, 3)
+
+
 def test_the_box_has_the_measures_that_it_is_compared_by(cornell: Path) -> None:
     source = read_scene(cornell)
     areas = [_area(part) for mesh in source.meshes for part in mesh]
