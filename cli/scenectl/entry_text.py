@@ -54,7 +54,7 @@ def _of_spaces(entry: LogEntry) -> str:
         case BeginPurge():
             return "a purge of deletions begins"
         case RenderSettings():
-            said = [f"{one.name} {_setting(getattr(entry, one.name))}" for one in fields(entry) if getattr(entry, one.name) is not None]
+            said = [f"{name} {_setting(value)}" for name, value in entry.flat().items() if value is not None]
             return f"an image is by default: {', '.join(said) or 'not said'}"
         case _:
             return ""
@@ -80,11 +80,13 @@ def _of_access(entry: LogEntry) -> str:
 
 def entry_document(entry: LogEntry) -> dict[str, Any]:
     """Its kind and fields; keys of former epochs, which stand in some, are left out."""
-    from scenefold.wire import Batch
+    from scenefold.wire import Batch, RenderSettings
 
     kind = type(entry).__name__
     if isinstance(entry, Batch):
         return {"kind": kind, "entries": [entry_document(one) for one in entry.entries]}
+    if isinstance(entry, RenderSettings):
+        return {"kind": kind} | {name: _plain(value) for name, value in entry.flat().items()}
     left_out = _SECRET.get(kind, ())
     return {"kind": kind} | {one.name: _plain(getattr(entry, one.name)) for one in fields(entry) if one.name not in left_out}
 

@@ -15,7 +15,14 @@ from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
 from scenectl.values import ColourOption, PortsOption, SizeOption, whole
-from scenefold.base.image_limits import CLAMP_MAX, DEPTH_MAX, EXPOSURE_MAX, SAMPLES_MAX
+from scenefold.base.image_limits import (
+    CLAMP_MAX,
+    DEPTH_MAX,
+    EXPOSURE_MAX,
+    MIN_SAMPLES_LEAST,
+    ROTATION_MAX,
+    SAMPLES_MAX,
+)
 
 NODES = 5
 """Of a cluster that is started for one image."""
@@ -33,7 +40,7 @@ def still(
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None,
     adaptive: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1))] = None,
-    min_samples: Annotated[int | None, whole(4, SAMPLES_MAX)] = None,
+    min_samples: Annotated[int | None, whole(MIN_SAMPLES_LEAST, SAMPLES_MAX)] = None,
     size: SizeOption | None = None,
     scale: Annotated[float, Parameter(validator=Number(gt=0, lte=1))] = 1.0,
     crop: CropOption | None = None,
@@ -41,12 +48,12 @@ def still(
     depth: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     sky: ColourOption | None = None,
     environment: Path | None = None,
-    environment_rotation: Annotated[float, Parameter(validator=Number(gte=-360, lte=360))] = 0.0,
+    environment_rotation: Annotated[float | None, Parameter(validator=Number(gte=-ROTATION_MAX, lte=ROTATION_MAX))] = None,
     camera: str | None = None,
     aperture: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
     focus: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1e9))] = None,
-    sampler: Literal["sobol", "independent"] = "sobol",
-    roulette_from: Annotated[int, whole(1, DEPTH_MAX)] = 3,
+    sampler: Literal["sobol", "independent"] | None = None,
+    roulette_from: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     clamp_direct: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
     clamp_indirect: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
     frame: FrameOption = None,
@@ -114,9 +121,9 @@ def still(
     focus
         How far from the camera everything is sharp, in the scene's unit, measured along the way that it looks; goes with --aperture.
     sampler
-        How the random numbers of a pixel's paths are drawn: sobol spreads them evenly, independent draws each by itself.
+        How the random numbers of a pixel's paths are drawn: sobol, the usual one, spreads them evenly, independent draws each by itself.
     roulette_from
-        Bounce from which on a path that carries little light may end by chance; as large as --depth, and none does.
+        Bounce from which on a path that carries little light may end by chance, by default 3; as large as --depth, and none does.
     clamp_direct
         Most that one contribution of direct light may be, as the mean of red, green and blue; against fireflies, at the cost of light.
     clamp_indirect
@@ -170,8 +177,6 @@ def still(
         raise UsageFault("--min-samples counts with --adaptive only", where="scenectl render still", remedy="give both, or none")
     png = png_beside(to)
     from scenefold.render.client import StillOptions
-    from scenefold.render.levels import FIRST_LEVEL, Adaptive
-    from scenefold.render.sampling import Sampling
     from scenefold.render.window import Window
 
     options = StillOptions(
@@ -187,11 +192,15 @@ def still(
         aperture=aperture,
         focus=focus,
         environment_rotation=environment_rotation,
-        sampling=Sampling(sampler, roulette_from, clamp_direct, clamp_indirect),
+        sampler=sampler,
+        roulette_from=roulette_from,
+        clamp_direct=clamp_direct,
+        clamp_indirect=clamp_indirect,
         layers=layers.names,
         scale=scale,
         crop=None if crop is None else Window(*crop.numbers),
-        adaptive=None if adaptive is None else Adaptive(adaptive, FIRST_LEVEL if min_samples is None else min_samples),
+        adaptive=adaptive,
+        min_samples=min_samples,
         ignore_settings=ignore_settings,
     )
     options.checked()

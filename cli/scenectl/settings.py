@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -11,7 +10,18 @@ from cyclopts.validators import Number
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
 from scenectl.values import ColourOption, SizeOption, whole
-from scenefold.base.image_limits import CAMERA_NAME_BYTES_MAX, DEPTH_MAX, EXPOSURE_MAX, SAMPLES_MAX
+from scenefold.base.image_limits import (
+    ADAPTIVE_MAX,
+    CAMERA_NAME_BYTES_MAX,
+    CLAMP_MAX,
+    DEPTH_MAX,
+    EXPOSURE_MAX,
+    FOCUS_MIN,
+    MIN_SAMPLES_LEAST,
+    ROTATION_MAX,
+    SAMPLES_MAX,
+)
+from scenefold.base.limits import COORDINATE_ABS_MAX
 
 if TYPE_CHECKING:
     from scenefold.client.render_settings import SettingsShown
@@ -28,6 +38,15 @@ def settings(
     sky: ColourOption | None = None,
     exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
     camera: str | None = None,
+    aperture: Annotated[float | None, Parameter(validator=Number(gt=0, lte=COORDINATE_ABS_MAX))] = None,
+    focus: Annotated[float | None, Parameter(validator=Number(gte=FOCUS_MIN, lte=COORDINATE_ABS_MAX))] = None,
+    sampler: Literal["sobol", "independent"] | None = None,
+    roulette_from: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
+    clamp_direct: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
+    clamp_indirect: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
+    adaptive: Annotated[float | None, Parameter(validator=Number(gt=0, lte=ADAPTIVE_MAX))] = None,
+    min_samples: Annotated[int | None, whole(MIN_SAMPLES_LEAST, SAMPLES_MAX)] = None,
+    environment_rotation: Annotated[float | None, Parameter(validator=Number(gte=-ROTATION_MAX, lte=ROTATION_MAX))] = None,
     clear: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
@@ -53,6 +72,24 @@ def settings(
         Brightness of the PNG in stops.
     camera
         Name of the camera.
+    aperture
+        Radius of the camera's lens in the scene's unit.
+    focus
+        How far from the camera everything is sharp; goes with --aperture.
+    sampler
+        How the random numbers of a pixel's paths are drawn.
+    roulette_from
+        Bounce from which on a path may end by chance.
+    clamp_direct
+        Most that light which was reflected at most once may add to a path.
+    clamp_indirect
+        The same of light that was reflected more often.
+    adaptive
+        Error, as a share of its brightness, at which a pixel has enough paths.
+    min_samples
+        Paths that every pixel has before; goes with --adaptive.
+    environment_rotation
+        Degrees by which the scene's environment map is turned.
     clear
         Forget what was said before; of what is not given beside this the scene says nothing then.
     """
@@ -68,6 +105,15 @@ def settings(
         "sky": None if sky is None else sky.rgb,
         "exposure": exposure,
         "camera": camera,
+        "aperture": aperture,
+        "focus": focus,
+        "sampler": sampler,
+        "roulette_from": roulette_from,
+        "clamp_direct": clamp_direct,
+        "clamp_indirect": clamp_indirect,
+        "adaptive": adaptive,
+        "min_samples": min_samples,
+        "environment_rotation": environment_rotation,
     }
     given = {name: value for name, value in given.items() if value is not None}
     if camera is not None:
@@ -76,7 +122,7 @@ def settings(
     StillOptions(**given).checked()
 
     def changed(before: RenderSettings) -> RenderSettings:
-        return replace(RenderSettings() if clear else before, **given)
+        return (RenderSettings() if clear else before).changed(given)
 
     async def ask() -> SettingsShown:
         async with connected(output.profile) as cluster:
@@ -101,8 +147,7 @@ def _check_camera(name: str) -> None:
 
 def settings_text(found: SettingsShown) -> str:
     """A row for each thing that the scene says."""
-    said = [(one.name, getattr(found.settings, one.name)) for one in fields(found.settings)]
-    rows = [(name, _text(value)) for name, value in said if value is not None]
+    rows = [(name, _text(value)) for name, value in found.settings.flat().items() if value is not None]
     return table(("setting", "by default"), rows) if rows else "The scene does not say what an image of it is by default."
 
 

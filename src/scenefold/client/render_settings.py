@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from scenefold.client.access import SceneAccess
@@ -21,8 +21,7 @@ class SettingsShown:
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md): null where the scene does not say."""
-        plain = {one.name: getattr(self.settings, one.name) for one in fields(self.settings)}
-        return {"position": self.position, **plain, "sky": None if self.settings.sky is None else list(self.settings.sky)}
+        return {"position": self.position, **self.settings.flat(), "sky": None if self.settings.sky is None else list(self.settings.sky)}
 
 
 async def settings_of(access: SceneAccess) -> SettingsShown:

@@ -22,7 +22,7 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.kept import KeptRender, asked_of, read_kept, write_kept
 from scenefold.render.layers import USUAL, Pixels, unpacked
 from scenefold.render.lens import lens_of
-from scenefold.render.levels import Adaptive
+from scenefold.render.levels import adaptive_of
 from scenefold.render.pool.kept_film import PIECE_BYTES, film_size
 from scenefold.render.pool.request import Keep, RenderRequest, organiser_of
 from scenefold.render.pool.telling import error_of
@@ -41,6 +41,7 @@ from scenefold.wire import (
     JobState,
     JobStateReply,
     Packet,
+    PathSettings,
     RenderSettings,
     StartJob,
 )
@@ -81,10 +82,16 @@ class StillOptions:
     """Radius of the camera's lens in the world's unit; None: it is a pinhole."""
     focus: float | None = None
     """How far from the camera everything is sharp; with an aperture only."""
-    sampling: Sampling = USUAL_SAMPLING
-    environment_rotation: float = 0.0
-    adaptive: Adaptive | None = None
-    """When a pixel has fewer samples; None: never."""
+    sampler: str | None = None
+    roulette_from: int | None = None
+    clamp_direct: float | None = None
+    clamp_indirect: float | None = None
+    environment_rotation: float | None = None
+    """Degrees; usually 0."""
+    adaptive: float | None = None
+    """Expected error, relative to its brightness, at which a pixel has enough samples; usually all have all."""
+    min_samples: int | None = None
+    """How many every pixel has before; with `adaptive` only."""
     ignore_settings: bool = False
     """All that is None is as usual, whatever the scene's log says."""
 
@@ -108,13 +115,21 @@ class StillOptions:
             algorithm=self.algorithm,
             layers=self.layers,
             crop=crop,
-            lens=lens_of(self.aperture, self.focus),
-            sampling=self.sampling,
-            environment_rotation=self.environment_rotation,
-            adaptive=self.adaptive,
+            lens=lens_of(self.aperture, self.focus) or lens_of(said.paths.aperture, said.paths.focus),
+            sampling=self._sampling(said.paths),
+            environment_rotation=_first(self.environment_rotation, said.paths.environment_rotation, usual.environment_rotation),
+            adaptive=adaptive_of(self.adaptive, self.min_samples) or adaptive_of(said.paths.adaptive, said.paths.min_samples),
         )
         options.check()
         return options
+
+    def _sampling(self, said: PathSettings) -> Sampling:
+        return Sampling(
+            _first(self.sampler, said.sampler, USUAL_SAMPLING.sampler),
+            _first(self.roulette_from, said.roulette_from, USUAL_SAMPLING.roulette_from),
+            said.clamp_direct if self.clamp_direct is None else self.clamp_direct,
+            said.clamp_indirect if self.clamp_indirect is None else self.clamp_indirect,
+        )
 
     def _scaled(self, width: int, height: int) -> tuple[int, int, Window | None]:
         if not 0.0 < self.scale <= 1.0:

@@ -14,7 +14,7 @@ from typing import Any
 
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
-from scenefold.base.image_limits import DEPTH_MAX, SAMPLES_MAX, SIDE_MAX, SKY_MAX
+from scenefold.base.image_limits import DEPTH_MAX, ROTATION_MAX, SAMPLES_MAX, SIDE_MAX, SKY_MAX
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, flag, number, text, whole
 from scenefold.partition import Partition
@@ -32,7 +32,6 @@ from scenefold.wire import pack_value, unpack_value
 ALGORITHMS = ("bounded-radial", "voronoi")
 SEED_MAX = 2**63 - 1
 HASH_BYTES = 32
-ROTATION_MAX = 360.0
 _CAMERA_NUMBERS = 16
 
 

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from scenefold.base.errors import UsageFault
+from scenefold.base.image_limits import FOCUS_MIN
 from scenefold.base.limits import COORDINATE_ABS_MAX
 from scenefold.base.plain_values import number
-
-FOCUS_MIN = 1e-6
-"""In the world's unit: nearer, the lens would be all that is seen."""
 
 
 @dataclass(frozen=True, slots=True)

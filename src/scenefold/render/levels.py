@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from scenefold.base.errors import UsageFault
-from scenefold.base.image_limits import SAMPLES_MAX
+from scenefold.base.image_limits import ADAPTIVE_MAX, MIN_SAMPLES_LEAST, SAMPLES_MAX
 from scenefold.base.plain_values import number, whole
 
 FIRST_LEVEL = 16
 """Samples of each pixel before anything is decided: fewer say too little of a pixel's variance."""
-FEWEST = 4
-"""No first level has less: the mean of what stops early is biased the more, the fewer samples decide."""
-NOISE_MAX = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +25,10 @@ class Adaptive:
 
     def check(self) -> None:
         """UsageFault naming what is out of range."""
-        if not (math.isfinite(self.noise) and 0.0 < self.noise <= NOISE_MAX):
-            raise UsageFault(f"adaptive is {self.noise}", where="adaptive", remedy=f"give a number above 0, and up to {NOISE_MAX:g}")
-        if not FEWEST <= self.first <= SAMPLES_MAX:
-            remedy = f"give a whole number from {FEWEST} to {SAMPLES_MAX}"
+        if not (math.isfinite(self.noise) and 0.0 < self.noise <= ADAPTIVE_MAX):
+            raise UsageFault(f"adaptive is {self.noise}", where="adaptive", remedy=f"give a number above 0, and up to {ADAPTIVE_MAX:g}")
+        if not MIN_SAMPLES_LEAST <= self.first <= SAMPLES_MAX:
+            remedy = f"give a whole number from {MIN_SAMPLES_LEAST} to {SAMPLES_MAX}"
             raise UsageFault(f"min_samples is {self.first}", where="min_samples", remedy=remedy)
 
     def levels(self, samples: int) -> tuple[int, ...]:
@@ -54,3 +51,10 @@ class Adaptive:
         adaptive = cls(number(noise), whole(first, -(2**63), 2**64 - 1))
         adaptive.check()
         return adaptive
+
+
+def adaptive_of(noise: float | None, first: int | None) -> Adaptive | None:
+    """What two options ask for, None being the usual first level, or no adaptive sampling; UsageFault for a first level alone."""
+    if noise is None and first is not None:
+        raise UsageFault("min_samples counts with adaptive only", where="min_samples", remedy="give both, or none")
+    return None if noise is None else Adaptive(noise, FIRST_LEVEL if first is None else first)

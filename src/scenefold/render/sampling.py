@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from scenefold.base.errors import UsageFault
-from scenefold.base.image_limits import CLAMP_MAX, DEPTH_MAX
+from scenefold.base.image_limits import CLAMP_MAX, DEPTH_MAX, SAMPLERS
 from scenefold.base.plain_values import number, text, whole
-
-SAMPLERS = ("sobol", "independent")
 
 
 @dataclass(frozen=True, slots=True)

@@ -173,7 +173,7 @@ if TYPE_CHECKING:
         PassSums,
         StartJob,
     )
-    from scenefold.wire.render_settings import RenderSettings
+    from scenefold.wire.render_settings import PathSettings, RenderSettings
     from scenefold.wire.scene_certificates import NodeSignature, SceneBody, SceneCertificate, digest_of_header, digest_of_participants
     from scenefold.wire.scene_headers import (
         NO_GENESIS,
@@ -247,7 +247,7 @@ _HOMES = {
     "pool_packets": "AcceptPoolJoin RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
     "purge_packets": "AskPlaces DropPurged PlaceState PlacesAsked PurgeItem PurgeOrder PurgeRecords PurgedDropped RecordsPurged",
     "render_packets": "CancelJob CollectPass FetchFilm FetchImage FilmPart ImagePart JobAnswer JobEvent JobState JobStateReply MergeFilm PassCounts PassSums StartJob",
-    "render_settings": "RenderSettings",
+    "render_settings": "PathSettings RenderSettings",
     "scene_certificates": "NodeSignature SceneBody SceneCertificate digest_of_header digest_of_participants",
     "scene_headers": "Decision KeyEntry Lockbox NO_GENESIS NO_LOG SceneLogPublic SceneMode SpaceEntry Succession WriterEntry",
     "scene_pages": "check_page page_of",
@@ -381,6 +381,7 @@ __all__ = [
     "PassCounts",
     "PassSums",
     "PassedSegment",
+    "PathSettings",
     "Phase",
     "PingBroadcast",
     "PlaceState",

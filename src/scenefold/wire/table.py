@@ -28,6 +28,7 @@ from scenefold.wire import (
     pool_packets,
     purge_packets,
     render_packets,
+    render_settings,
     scene_certificates,
     scene_headers,
     scene_log_packets,
@@ -99,6 +100,7 @@ STRUCTS = (
     *suspect_packets.STRUCTS,
     *loss_packets.STRUCTS,
     *log_records.STRUCTS,
+    *render_settings.STRUCTS,
     *log_snapshots.STRUCTS,
     *orders.STRUCTS,
 )

@@ -23,7 +23,7 @@ from scenefold.base.location import Location
 from scenefold.scene.archive import BATCH, Archive, ArchivedRecord, ArchivedScene, ArchivedSpace, NewArchive, position_after
 from scenefold.scene.archive.layout import IndexLine, Totals
 from scenefold.scene.log.space import Step
-from scenefold.wire import RenderSettings
+from scenefold.wire import PathSettings, RenderSettings
 
 META = ArchivedSpace(SpaceId(1), "meta", 1, "hilbert", (0.0,), (1.0,), False, False, 3, 2, 1)
 RENDERS = replace(META, id=SpaceId(9), name="renders", node_managed=True, render_output=True)
@@ -37,7 +37,8 @@ HALL = replace(
     created=4,
     steps=(Step(5, 1.0, (0.1, -2.0)), Step(9, 1 / 3, (0.0, 0.0))),
 )
-SETTINGS = RenderSettings(1920, 1080, 256, None, (0.5, 1.0, 0.30000000000000004), -1.5, "door é")
+PATHS = PathSettings(aperture=0.1, focus=3.0, adaptive=0.05, environment_rotation=-12.5)
+SETTINGS = RenderSettings(1920, 1080, 256, None, (0.5, 1.0, 0.30000000000000004), -1.5, "door é", PATHS)
 SCENE = ArchivedScene("kitchen", "0badcafe", "ab" * 32, 12, "edit", (META, RENDERS, HALL), SETTINGS)
 
 

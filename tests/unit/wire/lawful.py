@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from scenefold.base.ids import NodeId
-from scenefold.base.image_limits import EXPOSURE_MAX, SKY_MAX
+from scenefold.base.image_limits import ADAPTIVE_MAX, CLAMP_MAX, EXPOSURE_MAX, ROTATION_MAX, SAMPLERS, SKY_MAX
 from scenefold.base.location import FIRST
 from scenefold.wire.copy_packets import Copy, CopyState, Counted, Listed
 from scenefold.wire.custody import Confirmed, CustodyEntry, Enough, LaidOut, Rising, Single
@@ -14,7 +14,7 @@ from scenefold.wire.custody_packets import Assigned
 from scenefold.wire.laws import All, Apart, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
 from scenefold.wire.log_entries import Boxed
 from scenefold.wire.members import Member
-from scenefold.wire.render_settings import Sensible
+from scenefold.wire.render_settings import Sensible, Traceable
 
 
 def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
@@ -44,6 +44,8 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
             fields = {**fields, "dimensions": len(sides), "low": low, "high": high}
         case Sensible():
             fields = _sensible(fields)
+        case Traceable():
+            fields = _traceable(fields)
         case Distinct():
             fields = {**fields, law.items: tuple(dict.fromkeys(fields[law.items]))}
         case Apart():
@@ -98,6 +100,26 @@ def _sensible(fields: dict[str, Any]) -> dict[str, Any]:
         "camera": fields["camera"] or None,
         "exposure": None if exposure is None else max(-EXPOSURE_MAX, min(exposure, EXPOSURE_MAX)),
     }
+
+
+def _traceable(fields: dict[str, Any]) -> dict[str, Any]:
+    """A whole lens or none, a known sampler, numbers within their bounds, and always a bounce for roulette, so that something is said."""
+    aperture, adaptive, sampler, turn = (fields[name] for name in ("aperture", "adaptive", "sampler", "environment_rotation"))
+    return {
+        **fields,
+        **{name: None if fields[name] is None else _within(fields[name], 1e-3, CLAMP_MAX) for name in ("clamp_direct", "clamp_indirect")},
+        "aperture": None if aperture is None else _within(aperture, 1e-3, 1e9),
+        "focus": None if aperture is None else _within(fields["focus"] or 1.0, 1e-3, 1e9),
+        "sampler": None if sampler is None else SAMPLERS[len(sampler) % len(SAMPLERS)],
+        "roulette_from": fields["roulette_from"] or 1,
+        "adaptive": None if adaptive is None else _within(adaptive, 1e-3, ADAPTIVE_MAX),
+        "min_samples": None if adaptive is None else fields["min_samples"],
+        "environment_rotation": None if turn is None else max(-ROTATION_MAX, min(turn, ROTATION_MAX)),
+    }
+
+
+def _within(value: float, least: float, most: float) -> float:
+    return max(least, min(abs(value), most))
 
 
 def _assigned(fields: dict[str, Any]) -> tuple[CustodyEntry, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from scenefold.base.errors import DamagedData
@@ -12,26 +11,24 @@ from scenefold.wire.errors import Misfit
 from scenefold.wire.render_settings import RENDER_SETTINGS
 
 WHERE = "'render'"
+_REALS = frozenset({"exposure", "aperture", "focus", "clamp_direct", "clamp_indirect", "adaptive", "environment_rotation"})
 
 
 def settings_document(settings: RenderSettings) -> dict[str, Any]:
     """What the scene says; what it does not say is left out."""
-    return {name: list(value) if name == "sky" else value for name, value in asdict(settings).items() if value is not None}
+    return {name: list(value) if name == "sky" else value for name, value in settings.flat().items() if value is not None}
 
 
 def read_settings(document: object) -> RenderSettings:
     """DamagedData for what no scene's log can say."""
     told = Told(document, WHERE)
-    sky, exposure = told.get("sky", None), told.get("exposure", None)
-    settings = RenderSettings(
-        told.get("width", None),
-        told.get("height", None),
-        told.get("samples", None),
-        told.get("depth", None),
-        None if sky is None else told.floats("sky", 3),
-        None if exposure is None else told.numbers([exposure], "exposure")[0],
-        told.get("camera", None),
-    )
+    found = {name: told.get(name, None) for name in RenderSettings().flat()}
+    said = {name: value for name, value in found.items() if value is not None}
+    for name in _REALS & said.keys():
+        (said[name],) = told.numbers([said[name]], name)
+    if "sky" in said:
+        said["sky"] = told.floats("sky", 3)
+    settings = RenderSettings().changed(said)
     try:
         RENDER_SETTINGS.plain(settings)
     except Misfit as misfit:
