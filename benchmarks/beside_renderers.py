@@ -16,40 +16,27 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import tempfile
-import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-import trio
 
 from cycles_process import Cycles
 from mitsuba_rays import rays_per_path
+from one_scene import SKIPPED, asked_of, imported, mitsuba_or_none, name_of, scene_arguments, traced
 from plain_surfaces import all_diffuse, mitsuba_scene
-from scenefold.base.errors import LocalFault
 from scenefold.base.kernel_cache import use_kernel_cache
 from scenefold.render.contract import OpenScene, load_renderer
-from scenefold.render.developing import develop
-from scenefold.render.film import Film
-from scenefold.render.in_memory import OneNodeJob, one_node_job
-from scenefold.render.job import RenderOptions
-from scenefold.render.numbers import job_box, job_numbers
-from scenefold.render.pass_sums import PassSums
-from scenefold.render.renderers.mitsuba.library import Mitsuba, load
+from scenefold.render.in_memory import OneNodeJob
+from scenefold.render.numbers import job_numbers
+from scenefold.render.renderers.mitsuba.library import Mitsuba
 from scenefold.render.renderers.mitsuba.scenes import scene_of
 from scenefold.render.renderers.mitsuba.views import sensor_of
-from scenefold.scene.cornell import cornell_box
-from scenefold.world import offline_world
 
 F64 = npt.NDArray[np.float64]
-SKIPPED = 77
 ROULETTE_FROM = 3
 NOISIEST = 1e-3
 """Share of pixels that is left out of an error: a firefly more or less would decide it."""
@@ -78,8 +65,7 @@ class Ours:
 
     def __init__(self, one: OneNodeJob, threads: int) -> None:
         self._one, self._threads = one, threads
-        self._numbers, self._plan = job_numbers(one.job, one.loaded.tables), one.job.plan
-        self._box = job_box(one.loaded.tables)
+        self._numbers = job_numbers(one.job, one.loaded.tables)
         self._count = 0.0
         self._opened: OpenScene | None = None
 
@@ -91,26 +77,10 @@ class Ours:
     def image(self, seed: int) -> F64:
         numbers, opened = self._numbers, self._opened
         assert opened is not None
-        film, lock, free = Film(numbers.width, numbers.height), threading.Lock(), list(opened.tracers(self._threads))
-        traced = 0
-
-        def trace(number: int) -> None:
-            nonlocal traced
-            with lock:
-                tracer = free.pop()
-            first, count = self._plan.first_path(number), self._plan.size(number)
-            sums = PassSums.zeros(count)
-            done = [tracer.advance(batch, first, sums) for batch in tracer.generate(first, count).values()]
-            with lock:
-                free.append(tracer)
-                film.add(sums, first, numbers.stride)
-                traced += sum(batch.casts for batch in done)
-
-        with ThreadPoolExecutor(self._threads) as pool:
-            list(pool.map(trace, range(self._plan.count)))
+        image, casts = traced(self._one, numbers, opened, self._threads)
         opened.close()
-        self._count = traced / (numbers.width * numbers.height * numbers.samples)
-        return np.asarray(develop(film, ("beauty",), self._box)["beauty"], np.float64)
+        self._count = casts / (numbers.width * numbers.height * numbers.samples)
+        return np.asarray(image, np.float64)
 
     def rays(self) -> float | None:
         return self._count
@@ -144,10 +114,8 @@ class Theirs:
 def main() -> int:
     options = _options()
     use_kernel_cache()
-    try:
-        mitsuba = load()
-    except LocalFault as fault:
-        print(f"skipped: {fault}", file=sys.stderr)
+    mitsuba = mitsuba_or_none()
+    if mitsuba is None:
         return SKIPPED
     for scene in options.scenes:
         with ExitStack() as stack:
@@ -157,28 +125,18 @@ def main() -> int:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("scenes", nargs="+", help="scene files, or cornell")
-    parser.add_argument("--size", default="256x256", help="pixels, width x height")
-    parser.add_argument("--samples", type=int, default=64, help="a pixel, of each image")
+    parser = scene_arguments(__doc__, "256x256", 64)
     parser.add_argument("--images", type=int, default=6, help="of each renderer, after one that does not count; at least 2")
-    parser.add_argument("--depth", type=int, default=8)
-    parser.add_argument("--sky", default="0,0,0", help="radiance, three numbers")
-    parser.add_argument("--camera", default=None)
     parser.add_argument("--threads", type=int, default=1, help="of each renderer")
     parser.add_argument("--diffuse", action="store_true", help="every surface reflects its base colour evenly")
     parser.add_argument("--cycles", default=None, help="a Python that has the package bpy")
-    parser.add_argument("--json", action="store_true")
     return parser.parse_args()
 
 
 def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: ExitStack) -> dict[str, Any]:
-    width, height = (int(side) for side in options.size.split("x"))
-    red, green, blue = (float(channel) for channel in options.sky.split(","))
-    asked = RenderOptions(
-        width=width, height=height, samples=options.samples, depth=options.depth, sky=(red, green, blue), camera=options.camera, layers=()
-    )  # fmt: skip
-    one = _import(scene, asked)
+    asked = asked_of(options, layers=())
+    width, height = asked.width, asked.height
+    one = imported(scene, asked)
     if options.diffuse:
         one = replace(one, loaded=replace(one.loaded, held=all_diffuse(one.loaded.held)))
     renderers: list[Renders] = [Ours(one, options.threads), Theirs(mitsuba, one, options.threads, is_diffuse=options.diffuse)]
@@ -201,7 +159,7 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: E
     }
     ours = found["embree"]
     return {
-        "scene": "cornell" if scene == "cornell" else Path(scene).stem,
+        "scene": name_of(scene),
         "triangles": one.loaded.share.instanced_triangles,
         "size": [width, height],
         "samples": options.samples,
@@ -218,16 +176,6 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: E
             if name != "embree"
         },
     }
-
-
-def _import(scene: str, asked: RenderOptions) -> OneNodeJob:
-    numeric_class = load_renderer("embree").numeric_class()
-    with tempfile.TemporaryDirectory(prefix="beside-") as place:
-        file = Path(scene)
-        if scene == "cornell":
-            file = Path(place) / "cornell.glb"
-            file.write_bytes(cornell_box())
-        return trio.run(partial(one_node_job, file, asked, numeric_class, offline_world().workers))
 
 
 def _measured(paths: int, seconds: list[float], images: F64, rays: float | None) -> dict[str, Any]:

@@ -15,45 +15,32 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import tempfile
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trio
 from PIL import Image
 
 from image_judge import Estimate, difference_image, judge, of_batches
-from scenefold.base.errors import LocalFault
+from one_scene import SKIPPED, asked_of, imported, mitsuba_or_none, name_of, scene_arguments, traced
 from scenefold.base.kernel_cache import use_kernel_cache
 from scenefold.render.arrays import F32
 from scenefold.render.contract import load_renderer
-from scenefold.render.developing import develop
-from scenefold.render.film import Film
-from scenefold.render.in_memory import OneNodeJob, one_node_job
-from scenefold.render.job import RenderOptions
-from scenefold.render.numbers import job_box, job_numbers
-from scenefold.render.pass_sums import PassSums
-from scenefold.render.renderers.mitsuba.library import Mitsuba, load
+from scenefold.render.in_memory import OneNodeJob
+from scenefold.render.numbers import job_numbers
+from scenefold.render.renderers.mitsuba.library import Mitsuba
 from scenefold.render.renderers.mitsuba.scenes import scene_of
 from scenefold.render.renderers.mitsuba.views import integrator_of, sensor_of
 from scenefold.render.view import automatic_exposure, shown
-from scenefold.scene.cornell import cornell_box
-from scenefold.world import offline_world
-
-SKIPPED = 77
 
 
 def main() -> int:
     options = _options()
     use_kernel_cache()
-    try:
-        mitsuba = load()
-    except LocalFault as fault:
-        print(f"skipped: {fault}", file=sys.stderr)
+    mitsuba = mitsuba_or_none()
+    if mitsuba is None:
         return SKIPPED
     folder = Path(options.output)
     folder.mkdir(parents=True, exist_ok=True)
@@ -66,34 +53,22 @@ def main() -> int:
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("scenes", nargs="+", help="scene files, or cornell")
-    parser.add_argument("--size", default="128x72", help="pixels, width x height")
-    parser.add_argument("--samples", type=int, default=512, help="of each renderer, per pixel")
+    parser = scene_arguments(__doc__, "128x72", 512)
     parser.add_argument("--batches", type=int, default=32, help="into which the samples are cut")
-    parser.add_argument("--depth", type=int, default=8)
-    parser.add_argument("--sky", default="0,0,0", help="radiance, three numbers")
-    parser.add_argument("--camera", default=None)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--output", default="compared", help="folder of the images")
-    parser.add_argument("--json", action="store_true")
     return parser.parse_args()
 
 
 def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, folder: Path) -> dict[str, Any]:
-    width, height = (int(side) for side in options.size.split("x"))
-    red, green, blue = (float(channel) for channel in options.sky.split(","))
-    asked = RenderOptions(
-        width=width, height=height, samples=options.samples, seed=options.seed, depth=options.depth,
-        sky=(red, green, blue), camera=options.camera,
-    )  # fmt: skip
-    one = _import(scene, asked)
+    asked = asked_of(options, seed=options.seed)
+    one = imported(scene, asked)
     begun = time.perf_counter()
     ours = _ours(one, options.batches)
     between = time.perf_counter()
     theirs = _theirs(mitsuba, one, options.batches)
     ended = time.perf_counter()
-    name = "cornell" if scene == "cornell" else Path(scene).stem
+    name = name_of(scene)
     if options.camera:
         name += f"-{options.camera}"
     stops = automatic_exposure(theirs.mean.astype(np.float32))
@@ -104,21 +79,11 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, folder: 
     return {
         "scene": name,
         "variant": mitsuba.variant,
-        "size": [width, height],
+        "size": [asked.width, asked.height],
         "samples": options.samples,
         **judge(ours, theirs),
         **seconds,
     }
-
-
-def _import(scene: str, asked: RenderOptions) -> OneNodeJob:
-    numeric_class = load_renderer("embree").numeric_class()
-    with tempfile.TemporaryDirectory(prefix="compared-") as place:
-        file = Path(scene)
-        if scene == "cornell":
-            file = Path(place) / "cornell.glb"
-            file.write_bytes(cornell_box())
-        return trio.run(partial(one_node_job, file, asked, numeric_class, offline_world().workers))
 
 
 def _ours(one: OneNodeJob, batches: int) -> Estimate:
@@ -129,18 +94,10 @@ def _ours(one: OneNodeJob, batches: int) -> Estimate:
 
 def _image(one: OneNodeJob, seed: int, samples: int) -> F32:
     job = replace(one.job, seed=seed, samples=samples)
-    numbers, plan = job_numbers(job, one.loaded.tables), job.plan
+    numbers = job_numbers(job, one.loaded.tables)
     opened = load_renderer("embree").open(one.loaded.held, numbers, job.partition, 0)
-    (tracer,) = opened.tracers(1)
-    film = Film(numbers.width, numbers.height)
-    for number in range(plan.count):
-        first, count = plan.first_path(number), plan.size(number)
-        sums = PassSums.zeros(count)
-        for rays in tracer.generate(first, count).values():
-            tracer.advance(rays, first, sums)
-        film.add(sums, first, numbers.stride)
+    beauty, _ = traced(replace(one, job=job), numbers, opened)
     opened.close()
-    beauty: F32 = develop(film, ("beauty",), job_box(one.loaded.tables))["beauty"]
     return beauty
 
 
