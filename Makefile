@@ -2,7 +2,7 @@
 # make PYTHON=/path/to/python3 ... chooses which one.
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-render lint format bench docs clean distclean
+.PHONY: help install demo test test-render lint format bench gallery docs clean distclean
 
 BIN := .venv/bin
 # One test more at once than there are cores, up to four, since those with real nodes wait a lot; those of one file follow each other in one process.
@@ -26,6 +26,7 @@ help: ## this list
 	@echo 'make lint    ruff, mypy --strict, import-linter'
 	@echo 'make format  let ruff arrange the code'
 	@echo 'make bench   the measurements that docs/ quotes'
+	@echo 'make gallery  the scenes of docs/gallery.md rendered; SCENES=folder of those that are not our own'
 	@echo 'make docs    the documentation as pages, in site/'
 	@echo 'make clean   remove what the above made, but not .venv (make distclean: also that)'
 
@@ -58,12 +59,17 @@ format:
 bench:
 	$(call ready,)$(BIN)/scenectl bench render
 
+# The sheet and the page of the documentation; what is left out is said, and why.
+SCENES := ../shared/scenes
+gallery:
+	$(call ready,)$(BIN)/python tools/gallery.py --scenes $(SCENES)
+
 docs:
 	$(call ready,docs)@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo 'open site/index.html'
 
 clean:
-	rm -rf demo-output site dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf demo-output gallery-output site dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	@find . -path ./.venv -prune -o -path ./.git -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean
