@@ -1,4 +1,4 @@
-"""glTF's metallic-roughness surface: Lambert under a GGX microfacet coat, and thin transmission straight through.
+"""What surfaces are made of: Schlick's term, frames, the lobes of Lambert and GGX.
 
 Directions are in the shading frame, z along the normal; `wo` and `wi` both point away from the surface. All functions take lanes, or numbers.
 Sampling of visible normals after Heitz, Sampling the GGX Distribution of Visible Normals (JCGT 2018).
@@ -13,9 +13,6 @@ from numba import njit
 from scenefold.render.lane_values_kernels import select
 from scenefold.render.math_kernels import INVERSE_PI, sine_cosine_of_turns
 
-ALPHA_MIN = 1e-3
-"""Smoother surfaces are rendered as this smooth: their density still fits the ray record's pdf code."""
-
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def luminance(r, g, b):  # type: ignore[no-untyped-def]
@@ -24,7 +21,7 @@ def luminance(r, g, b):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _grazing(cosine):  # type: ignore[no-untyped-def]
+def grazing_of(cosine):  # type: ignore[no-untyped-def]
     """(1 - cosine)^5."""
     m = min(max(1.0 - cosine, 0.0), 1.0)
     m2 = m * m
@@ -34,7 +31,7 @@ def _grazing(cosine):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def fresnel(f0, f90, cosine):  # type: ignore[no-untyped-def]
     """Schlick's approximation of reflectance at an angle, from that at normal incidence and at grazing angles; glTF prescribes it."""
-    return f0 + (f90 - f0) * _grazing(cosine)
+    return f0 + (f90 - f0) * grazing_of(cosine)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -101,38 +98,3 @@ def reflect_ggx(wox, woy, woz, wix, wiy, wiz, alpha):  # type: ignore[no-untyped
     one, both = woz + root_o, root_o * wiz + root_i * woz
     common = a2 * (0.5 * INVERSE_PI) / (d * d * one * both)
     return common * one, common * both, cosine
-
-
-@njit(error_model="numpy", _nrt=False, forceinline=True)
-def evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, choose_coat):  # type: ignore[no-untyped-def]
-    """(f_r, f_g, f_b, pdf): the value without cosine, and the density with which `choose_coat` samples wi.
-
-    reflection: the dielectric's reflectance at normal incidence, three colours, and at grazing angles.
-    Both directions on the upper side, else all is 0; the straight-through lobe is a delta and no part of either.
-    """
-    coat, coat_pdf, cosine = reflect_ggx(wox, woy, woz, wix, wiy, wiz, alpha)
-    f0_r, f0_g, f0_b, f90 = reflection
-    grazing = _grazing(cosine)
-    d_r, d_g, d_b = f0_r + (f90 - f0_r) * grazing, f0_g + (f90 - f0_g) * grazing, f0_b + (f90 - f0_b) * grazing
-    # One colour's reflection takes no light from another's body: the strongest counts for all, as glTF has it.
-    body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - max(d_r, max(d_g, d_b))) * INVERSE_PI
-    pdf = choose_coat * coat_pdf + (1.0 - choose_coat) * wiz * INVERSE_PI
-    above = (woz > 0.0) & (wiz > 0.0)
-    return (
-        select(above, body * base_r + coat * ((1.0 - metallic) * d_r + metallic * (base_r + (1.0 - base_r) * grazing)), 0.0),
-        select(above, body * base_g + coat * ((1.0 - metallic) * d_g + metallic * (base_g + (1.0 - base_g) * grazing)), 0.0),
-        select(above, body * base_b + coat * ((1.0 - metallic) * d_b + metallic * (base_b + (1.0 - base_b) * grazing)), 0.0),
-        select(above, pdf, 0.0),
-    )
-
-
-@njit(error_model="numpy", _nrt=False, forceinline=True)
-def coat_probability(woz, base_r, base_g, base_b, metallic, reflection, transmission):  # type: ignore[no-untyped-def]
-    """With which probability to sample the coat rather than the diffuse body: by their share of energy."""
-    f0 = max(reflection[0], max(reflection[1], reflection[2]))
-    f_d = fresnel(f0, reflection[3], woz)
-    lum = luminance(base_r, base_g, base_b)
-    coat = (1.0 - metallic) * f_d + metallic * fresnel(lum, 1.0, woz)
-    body = (1.0 - metallic) * (1.0 - transmission) * (1.0 - f_d) * lum
-    total = coat + body
-    return select((total > 1e-12) & (body > 0.0), min(max(coat / total, 0.1), 1.0), 1.0)

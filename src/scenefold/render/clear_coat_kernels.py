@@ -4,6 +4,8 @@ glTF mixes by the Fresnel term F of the angle between viewer and the coat's own 
 below gives c F less. The coat is GGX with a roughness and a normal of its own; values of a coated surface are
 
     f cos = (1 - c F) f_below cos_below + c F f_coat cos_coat
+
+f_coat is GGX with all its bounces, which gives back whatever it gets (energy_kernels.py): under even light nothing is lost or gained.
 """
 
 from __future__ import annotations
@@ -12,8 +14,10 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from scenefold.render.bsdf_kernels import frame_of, fresnel, reflect_ggx, sample_visible_normal
-from scenefold.render.lane_values_kernels import alike, select
+from scenefold.render.bsdf_kernels import frame_of, fresnel, reflect_ggx, sample_cosine, sample_visible_normal
+from scenefold.render.energy_kernels import Rough, albedo_of, rough_of
+from scenefold.render.lane_values_kernels import alike, bits_of, select
+from scenefold.render.math_kernels import INVERSE_PI
 
 _F0 = 0.04
 _PICK_MIN, _PICK_MAX = 0.1, 0.9
@@ -32,6 +36,11 @@ class Coat(NamedTuple):
     """Nine reals: two tangents and the normal."""
     wo: Any
     """Towards the viewer, in the frame."""
+    rough: Any
+    more: Any
+    """What further bounces give back, by (1 - E(i)); without strength and F."""
+    glossy: Any
+    """Which share of its directions is drawn from visible normals; the others by the cosine."""
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -56,14 +65,18 @@ def coat_of(strength, alpha, nx, ny, nz, dx, dy, dz):  # type: ignore[no-untyped
     frame = (ax, ay, az, bx, by, bz, nx, ny, nz)
     wo = _inside(frame, -dx, -dy, -dz)
     share = coat_share(strength, wo[2])
-    return Coat(share, select(strength > 0.0, min(max(share, _PICK_MIN), _PICK_MAX), 0.0), alpha, frame, wo)
+    rough = rough_of(alpha)
+    missing, _ = albedo_of(rough, wo[2])
+    pick = select(strength > 0.0, min(max(share, _PICK_MIN), _PICK_MAX), 0.0)
+    return Coat(share, pick, alpha, frame, wo, rough, missing * INVERSE_PI / rough.missing, 1.0 - missing)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def no_coat(example):  # type: ignore[no-untyped-def]
     """In as many lanes as the example has."""
     zero = alike(0.0, example)
-    return Coat(zero, zero, zero, (zero, zero, zero, zero, zero, zero, zero, zero, zero), (zero, zero, zero))
+    nowhere = Rough(bits_of(zero), zero, zero, zero)
+    return Coat(zero, zero, zero, (zero, zero, zero, zero, zero, zero, zero, zero, zero), (zero, zero, zero), nowhere, zero, zero)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -74,6 +87,8 @@ def coated(coat, wx, wy, wz, r, g, b, pdf, cosine):  # type: ignore[no-untyped-d
     """
     x, y, z = _inside(coat.frame, wx, wy, wz)
     value, density, _ = reflect_ggx(coat.wo[0], coat.wo[1], coat.wo[2], x, y, z, coat.alpha)
+    missing, _ = albedo_of(coat.rough, z)
+    value, density = value + coat.more * missing, coat.glossy * density + (1.0 - coat.glossy) * z * INVERSE_PI
     above = (coat.wo[2] > 0.0) & (z > 0.0)
     there = coat.pick > 0.0
     divisor = max(cosine, _COSINE_MIN)
@@ -89,10 +104,12 @@ def coated(coat, wx, wy, wz, r, g, b, pdf, cosine):  # type: ignore[no-untyped-d
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def sample_coat(coat, u, v):  # type: ignore[no-untyped-def]
-    """(x, y, z, whether it leaves the coat): a direction that the coat mirrors to the viewer, in the world."""
+def sample_coat(coat, lobe, u, v):  # type: ignore[no-untyped-def]
+    """(x, y, z, whether it leaves the coat): a direction that the coat mirrors to the viewer, in the world. lobe: a number in [0, 1)."""
     hx, hy, hz = sample_visible_normal(coat.wo[0], coat.wo[1], coat.wo[2], coat.alpha, u, v)
     double = 2.0 * (coat.wo[0] * hx + coat.wo[1] * hy + coat.wo[2] * hz)
     x, y, z = double * hx - coat.wo[0], double * hy - coat.wo[1], double * hz - coat.wo[2]
-    f = coat.frame
+    cx, cy, cz = sample_cosine(u, v)
+    off_normal, f = lobe < coat.glossy, coat.frame
+    x, y, z = select(off_normal, x, cx), select(off_normal, y, cy), select(off_normal, z, cz)
     return x * f[0] + y * f[3] + z * f[6], x * f[1] + y * f[4] + z * f[7], x * f[2] + y * f[5] + z * f[8], z > 0.0

@@ -165,11 +165,17 @@ def with_lane(typingctx, lanes, number, value):
 # Between types ----------------------------------------------------------------------------------------------
 
 
-def _converter(takes: Lanes, gives: Lanes, build: Callable[[Any, Any], Any], about: str) -> Any:
-    """A function of lanes. `build`: of the builder and the value."""
+def _converter(takes: Lanes, gives: Lanes, build: Callable[[Any, Any], Any], about: str, plain: types.Type | None = None) -> Any:
+    """A function of lanes. `build`: of the builder and the value. `plain`: what plain numbers become, if it takes them."""
 
     @intrinsic
     def convert(typingctx, value):
+        if plain is not None and isinstance(types.unliteral(value), types.Number):
+
+            def cast(context, builder, sig, args):
+                return context.cast(builder, args[0], sig.args[0], plain)
+
+            return signature(plain, value), cast
         if value is not takes:
             return None
 
@@ -185,13 +191,18 @@ def _converter(takes: Lanes, gives: Lanes, build: Callable[[Any, Any], Any], abo
 bits_of = _converter(REALS, WORDS, lambda builder, value: builder.bitcast(value, WORDS.vector), "The 32 bits of f32.")
 real_of_bits = _converter(WORDS, REALS, lambda builder, value: builder.bitcast(value, REALS.vector), "The f32 with these 32 bits.")
 real_of_whole = _converter(
-    WORDS, REALS, lambda builder, value: builder.sitofp(value, REALS.vector), "A whole number of 32 bits with a sign, as the nearest f32."
+    WORDS,
+    REALS,
+    lambda builder, value: builder.sitofp(value, REALS.vector),
+    "A whole number of 32 bits with a sign, as the nearest f32; a plain one as f64.",
+    types.float64,
 )
 whole_of_real = _converter(
     REALS,
     WORDS,
     lambda builder, value: builder.fptosi(value, WORDS.vector),
     "The whole number of 32 bits with a sign that is left without what stands behind the point. It must be one: -2^31 <= real < 2^31.",
+    types.int64,
 )
 reversed_bits = _converter(
     WORDS, WORDS, lambda builder, value: call_llvm(builder, f"llvm.bitreverse.v{LANES}i32", value), "The 32 bits, the last one first."

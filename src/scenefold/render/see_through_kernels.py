@@ -23,17 +23,20 @@ import numpy as np
 from numba import njit
 
 from scenefold.render.arrays import MaterialColumn
-from scenefold.render.bsdf_kernels import dielectric_reflection, fresnel
+from scenefold.render.bsdf_kernels import dielectric_reflection
 from scenefold.render.clear_coat_kernels import coat_share
+from scenefold.render.energy_kernels import albedo_of, bounced, left_of, rough_of
+from scenefold.render.ggx_albedo import ALPHA_MIN
 from scenefold.render.precise_kernels import mix64
 from scenefold.render.texture_kernels import sample_use
 
 ALPHA_MASK = 1.0
 ALPHA_BLEND = 2.0
 
-_BASE, _METALLIC, _TRANSMISSION, _IOR = (
+_BASE, _METALLIC, _ROUGHNESS, _TRANSMISSION, _IOR = (
     MaterialColumn.BASE,
     MaterialColumn.METALLIC,
+    MaterialColumn.ROUGHNESS,
     MaterialColumn.TRANSMISSION,
     MaterialColumn.IOR,
 )
@@ -76,10 +79,12 @@ def is_surely_opaque(mode, cutoff, alpha, base_use, vertex_alpha):  # type: igno
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def passed_share(transmission, reflection, metallic, coat, cosine):  # type: ignore[no-untyped-def]
+def passed_share(transmission, reflection, metallic, alpha, coat, cosine):  # type: ignore[no-untyped-def]
     """q: how much of the light that meets the surface at this cosine passes straight on, before tint (lanes, or numbers)."""
-    body = 1.0 - fresnel(max(reflection[0], max(reflection[1], reflection[2])), reflection[3], cosine)
-    return transmission * (1.0 - metallic) * body * (1.0 - coat_share(coat, cosine))
+    strongest, f90, rough = max(reflection[0], max(reflection[1], reflection[2])), reflection[3], rough_of(alpha)
+    missing, grazing = albedo_of(rough, cosine)
+    left = left_of(strongest, f90, bounced(strongest, f90, rough), missing, grazing)
+    return transmission * (1.0 - metallic) * left * (1.0 - coat_share(coat, cosine))
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -123,6 +128,7 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     base, rough, clear = int(row[_BASE_USE]), int(row[_MR_USE]), int(row[_TRANSMISSION_USE])
     weights, tints = int(row[_SPECULAR_USE]), int(row[_SPECULAR_COLOR_USE])
     coats, coat = int(row[_CLEARCOAT_USE]), float(row[_CLEARCOAT])
+    roughness = float(row[_ROUGHNESS])
     transmission, weight = float(row[_TRANSMISSION]), float(row[_SPECULAR])
     sr, sg, sb = float(row[_SPECULAR_COLOR]), float(row[_SPECULAR_COLOR + 1]), float(row[_SPECULAR_COLOR + 2])
     if base >= 0 or rough >= 0 or clear >= 0 or weights >= 0 or tints >= 0 or coats >= 0:
@@ -136,8 +142,8 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
             tr, tg, tb, ta = sample_use(scene, base, tu, tv, tu2, tv2)
             r, g, b, alpha = r * tr, g * tg, b * tb, alpha * ta
         if rough >= 0:
-            _, _, tb, _ = sample_use(scene, rough, tu, tv, tu2, tv2)
-            metallic *= tb
+            _, tg, tb, _ = sample_use(scene, rough, tu, tv, tu2, tv2)
+            roughness, metallic = roughness * tg, metallic * tb
         if clear >= 0:
             tr, _, _, _ = sample_use(scene, clear, tu, tv, tu2, tv2)
             transmission *= tr
@@ -159,7 +165,8 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
     a = opacity(row, alpha)
     if not transmission > 0.0:
         return 1.0 - a, 1.0 - a, 1.0 - a
-    passed = a * passed_share(transmission, dielectric_reflection(float(row[_IOR]), weight, sr, sg, sb), metallic, coat, cosine)
+    reflection = dielectric_reflection(float(row[_IOR]), weight, sr, sg, sb)
+    passed = a * passed_share(transmission, reflection, metallic, max(roughness * roughness, ALPHA_MIN), coat, cosine)
     return 1.0 - a + passed * r, 1.0 - a + passed * g, 1.0 - a + passed * b
 
 

@@ -16,13 +16,7 @@ from numba import njit
 
 from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_POINT_SHADOW, KIND_SHADOW, PDF_DELTA
 from scenefold.render.arrays import Feature, MaterialColumn
-from scenefold.render.bsdf_kernels import (
-    coat_probability,
-    evaluate,
-    frame_of,
-    sample_cosine,
-    sample_visible_normal,
-)
+from scenefold.render.bsdf_kernels import frame_of, sample_cosine, sample_visible_normal
 from scenefold.render.clamp_kernels import clamped
 from scenefold.render.clear_coat_kernels import coat_of, coated, no_coat, sample_coat
 from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
@@ -42,6 +36,7 @@ from scenefold.render.lane_values_kernels import (
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_at
 from scenefold.render.math_kernels import decode_color, decode_direction, decode_pdf, encode_color, encode_direction, encode_pdf
+from scenefold.render.metallic_roughness_kernels import evaluate, metallic_roughness
 from scenefold.render.normal_map_kernels import mapped_normal
 from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
@@ -230,7 +225,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     through, tint_r, tint_g, tint_b = alike(0.0, px), alike(0.0, px), alike(0.0, px), alike(0.0, px)
     clear = (transmission > 0.0) & (metallic < 1.0)
     if any_lane(clear):
-        share = passed_share(transmission, reflection, metallic, coat_strength, facing)
+        share = passed_share(transmission, reflection, metallic, alpha, coat_strength, facing)
         least, most = min(base_r, min(base_g, base_b)), max(base_r, max(base_g, base_b))
         left = 1.0 - share * least
         live = live & (opposite(clear) | (left > 1e-6))
@@ -287,7 +282,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     wox = -(dx * ax + dy * ay + dz * az)
     woy = -(dx * bx + dy * by + dz * bz)
     woz = -(dx * sx + dy * sy + dz * sz)
-    coat = coat_probability(woz, base_r, base_g, base_b, metallic, reflection, transmission)
+    surface = metallic_roughness(wox, woy, woz, base_r, base_g, base_b, metallic, alpha, reflection, transmission)
     is_coated = any_lane(coat_strength > 0.0)
     varnish = no_coat(px)
     if is_coated:
@@ -303,7 +298,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     found = live & found & (wx * gx + wy * gy + wz * gz > 0.0)
     if any_lane(found):
         wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
-        vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, coat)
+        vr, vg, vb, pdf = evaluate(surface, wix, wiy, wiz)
         if is_coated:
             vr, vg, vb, pdf, wiz = coated(varnish, wx, wy, wz, vr, vg, vb, pdf, wiz)
         quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
@@ -328,7 +323,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     straight = lobe < through
     rest, pick = lobe - through, varnish.pick * (1.0 - through)
     off_coat = rest < pick
-    glossy = (rest - pick) < coat * (1.0 - through - pick)
+    glossy = (rest - pick) < surface.pick * (1.0 - through - pick)
     wix, wiy, wiz = sample_cosine(u, v)
     if any_lane(glossy):
         hx, hy, hz = sample_visible_normal(wox, woy, woz, alpha, u, v)
@@ -341,14 +336,14 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     above = wiz > 0.0
     wx, wy, wz = wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz
     if is_coated:
-        hx, hy, hz, leaves = sample_coat(varnish, u, v)
+        hx, hy, hz, leaves = sample_coat(varnish, rest / max(pick, 1e-9), u, v)
         wx, wy, wz = select(off_coat, hx, wx), select(off_coat, hy, wy), select(off_coat, hz, wz)
         above = select(off_coat, leaves, above)
     code_u, code_v = encode_direction(wx, wy, wz)
     # From here on the direction is what its code says: the density too is that of the coded direction.
     wx, wy, wz = decode_direction(code_u, code_v)
     wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
-    vr, vg, vb, pdf = evaluate(wox, woy, woz, wix, wiy, wiz, base_r, base_g, base_b, metallic, alpha, reflection, transmission, coat)
+    vr, vg, vb, pdf = evaluate(surface, wix, wiy, wiz)
     if is_coated:
         vr, vg, vb, pdf, wiz = coated(varnish, wx, wy, wz, vr, vg, vb, pdf, wiz)
     pdf = pdf * (1.0 - through)

@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 
 from scenefold.render.arrays import Feature, MaterialColumn
-from scenefold.render.bsdf_kernels import ALPHA_MIN, dielectric_reflection
+from scenefold.render.bsdf_kernels import dielectric_reflection
+from scenefold.render.ggx_albedo import ALPHA_MIN
 from scenefold.render.lane_values_kernels import alike, any_lane, gather, put, select, take, whole_of_real
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.space_kernels import longest_side

@@ -21,6 +21,7 @@ from scenefold.render import (
     lane_values_kernels,
     lanes_kernels,
     math_kernels,
+    metallic_roughness_kernels,
     see_through_kernels,
     shade_kernels,
     space_kernels,
@@ -74,13 +75,8 @@ _color_code, _color, _pdf_code, _pdf = (
     math_kernels.decode_pdf,
 )
 _dice, _pair, _noise = dice_kernels.dice_of, dice_kernels.pair, dice_kernels.noise
-_frame, _cosine, _normal, _evaluate, _coat = (
-    bsdf_kernels.frame_of,
-    bsdf_kernels.sample_cosine,
-    bsdf_kernels.sample_visible_normal,
-    bsdf_kernels.evaluate,
-    bsdf_kernels.coat_probability,
-)
+_frame, _cosine, _normal = bsdf_kernels.frame_of, bsdf_kernels.sample_cosine, bsdf_kernels.sample_visible_normal
+_surface, _evaluate = metallic_roughness_kernels.metallic_roughness, metallic_roughness_kernels.evaluate
 _span, _offset = space_kernels.box_span, space_kernels.offset_origin
 _reflection = bsdf_kernels.dielectric_reflection
 _weight = shade_kernels._power_weight
@@ -200,11 +196,10 @@ def surfaces(a, b, c, d, w, v):
     ix, iy, iz = _cosine(c, d)
     alpha = max(a * a, 1e-3)
     hx, hy, hz = _normal(wx, wy, wz, alpha, c, d)
-    coat = _coat(wz, a, b, c, d, (0.04 + 0.5 * a, 0.04, 0.5 * b, 1.0 - a * c), _select(b < 0.5, 0.0, b))
-    r, g, b_, pdf = _evaluate(
-        wx, wy, wz, ix, iy, iz, a, b, c, d, alpha, (0.04 + 0.5 * a, 0.04, 0.5 * b, 1.0 - a * c), _select(b < 0.5, 0.0, b), coat
-    )
-    return hx, hy, hz, coat, r, g, b_, pdf
+    reflection = (0.04 + 0.5 * a, 0.04, 0.5 * b, 1.0 - a * c)
+    surface = _surface(wx, wy, wz, a, b, c, d, alpha, reflection, _select(b < 0.5, 0.0, b))
+    r, g, b_, pdf = _evaluate(surface, ix, iy, iz)
+    return hx, hy, hz, surface.pick, r, g, b_, pdf
 
 
 @njit(error_model="numpy")
@@ -216,7 +211,7 @@ def spaces(a, b, c, d, w, v):
     ax, ay, az, _, _, _ = _frame(x, y, z)
     t_in, t_out = _span(a * 4.0 - 2.0, b, c * 5.0 - 3.0, x, y, z, BOX_LOW, BOX_HIGH)
     ox, oy, _ = _offset(a, b, c, x, y, z, 3.0)
-    shown = _passed(b, _reflection(1.0 + c, d, a, b, c), d, 0.5 * b, a) + _select(
+    shown = _passed(b, _reflection(1.0 + c, d, a, b, c), d, max(b * b, 1e-3), 0.5 * b, a) + _select(
         _opaque(_rounded_down(a * 3.0), 0.5, b, _rounded_down(c * 2.0) - 1.0, _rounded_down(d * 2.0)), 1.0, 0.0
     )
     return ax, ay, az, t_in, t_out, ox, oy, shown

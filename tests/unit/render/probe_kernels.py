@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from scenefold.render import bsdf_kernels, light_kernels, precise_kernels, record_kernels, space_kernels, texture_kernels
+from scenefold.render import (
+    bsdf_kernels,
+    clear_coat_kernels,
+    energy_kernels,
+    light_kernels,
+    metallic_roughness_kernels,
+    precise_kernels,
+    record_kernels,
+    space_kernels,
+    texture_kernels,
+)
 
 _sine_cosine, _log2, _exp2, _power, _path_key = (
     precise_kernels.sine_cosine_of,
@@ -24,8 +34,10 @@ _box_span, _t_of_step, _step_after, _offset = (
     space_kernels.offset_origin,
 )
 _sample_texture = texture_kernels.sample_texture
-_evaluate, _visible_normal, _cosine, _frame = (
-    bsdf_kernels.evaluate,
+_surface, _evaluate = metallic_roughness_kernels.metallic_roughness, metallic_roughness_kernels.evaluate
+_coat, _coated, _sample_coat = clear_coat_kernels.coat_of, clear_coat_kernels.coated, clear_coat_kernels.sample_coat
+_rough, _albedo = energy_kernels.rough_of, energy_kernels.albedo_of
+_visible_normal, _cosine, _frame = (
     bsdf_kernels.sample_visible_normal,
     bsdf_kernels.sample_cosine,
     bsdf_kernels.frame_of,
@@ -144,41 +156,68 @@ def frames(normals: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def evaluations(wo: Any, wi: Any, base: Any, metallic: Any, alpha: Any, reflection: Any, transmission: Any, choose_coat: Any) -> Any:
+def evaluations(wo: Any, wi: Any, base: Any, metallic: Any, alpha: Any, reflection: Any, transmission: Any) -> Any:
     """f64[n, 4]: value and density for directions f64[n, 3], towards f64[n, 3]."""
     out = np.empty((wi.shape[0], 4))
     for i in range(wi.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = _evaluate(
-            wo[i, 0],
-            wo[i, 1],
-            wo[i, 2],
-            wi[i, 0],
-            wi[i, 1],
-            wi[i, 2],
-            base[0],
-            base[1],
-            base[2],
-            metallic,
-            alpha,
-            reflection,
-            transmission,
-            choose_coat,
-        )
+        seen = _surface(wo[i, 0], wo[i, 1], wo[i, 2], base[0], base[1], base[2], metallic, alpha, reflection, transmission)
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = _evaluate(seen, wi[i, 0], wi[i, 1], wi[i, 2])
     return out
 
 
 @njit(cache=True, error_model="numpy")
-def scattered(wo: Any, alpha: Any, choose_coat: Any, numbers: Any) -> Any:
+def scattered(wo: Any, base: Any, metallic: Any, alpha: Any, reflection: Any, transmission: Any, numbers: Any) -> Any:
     """Directions f64[n, 3] drawn as the shader does, from f64[n, 3]: lobe, u, v."""
     out = np.empty((numbers.shape[0], 3))
+    seen = _surface(wo[0], wo[1], wo[2], base[0], base[1], base[2], metallic, alpha, reflection, transmission)
     for i in range(numbers.shape[0]):
         u, v = numbers[i, 1], numbers[i, 2]
-        if numbers[i, 0] < choose_coat:
+        if numbers[i, 0] < seen.pick:
             hx, hy, hz = _visible_normal(wo[0], wo[1], wo[2], alpha, u, v)
             cosine = 2.0 * (wo[0] * hx + wo[1] * hy + wo[2] * hz)
             out[i, 0], out[i, 1], out[i, 2] = cosine * hx - wo[0], cosine * hy - wo[1], cosine * hz - wo[2]
         else:
             out[i, 0], out[i, 1], out[i, 2] = _cosine(u, v)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def coated_evaluations(strength: Any, alpha: Any, normal: Any, wo: Any, wi: Any, below: Any) -> Any:
+    """f64[n, 2]: value times cosine and density of a coat over Lambert of this albedo, whose normal is z."""
+    out = np.empty((wi.shape[0], 2))
+    coat = _coat(strength, alpha, normal[0], normal[1], normal[2], -wo[0], -wo[1], -wo[2])
+    for i in range(wi.shape[0]):
+        x, y, z = wi[i, 0], wi[i, 1], wi[i, 2]
+        f = below / np.pi if z > 0.0 else 0.0
+        value, _, _, pdf, cosine = _coated(coat, x, y, z, f, f, f, max(z, 0.0) / np.pi, z)
+        out[i, 0], out[i, 1] = value * cosine, pdf
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def coat_scattered(strength: Any, alpha: Any, normal: Any, wo: Any, numbers: Any) -> Any:
+    """Directions f64[n, 3] of the same, from f64[n, 3]; (0, 0, 0) where one leaves the coat downwards."""
+    out = np.zeros((numbers.shape[0], 3))
+    coat = _coat(strength, alpha, normal[0], normal[1], normal[2], -wo[0], -wo[1], -wo[2])
+    for i in range(numbers.shape[0]):
+        lobe, u, v = numbers[i, 0], numbers[i, 1], numbers[i, 2]
+        if lobe < coat.pick:
+            x, y, z, leaves = _sample_coat(coat, lobe / coat.pick, u, v)
+            if leaves:
+                out[i, 0], out[i, 1], out[i, 2] = x, y, z
+        else:
+            out[i, 0], out[i, 1], out[i, 2] = _cosine(u, v)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def albedos(alpha: Any, cosines: Any) -> Any:
+    """f64[n, 4]: what a single bounce misses, the grazing part, and their means."""
+    out = np.empty((cosines.shape[0], 4))
+    rough = _rough(alpha)
+    for i in range(cosines.shape[0]):
+        out[i, 0], out[i, 1] = _albedo(rough, cosines[i])
+        out[i, 2], out[i, 3] = rough.missing, rough.grazing
     return out
 
 
