@@ -14,6 +14,7 @@ from scenefold.partition import Partition
 from scenefold.render.arrays import F64, U32, JobNumbers, LightColumn, MaterialColumn
 from scenefold.render.contract import Advanced, HeldScene, Tracer
 from scenefold.render.flat import flat_triangles
+from scenefold.render.ggx_albedo import beside_one_bounce
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.record_columns import camera_rays, path_rays
 
@@ -56,20 +57,19 @@ class Surface:
 
     def __init__(self, rows: F64) -> None:
         self.base, self.metallic = rows[:, M.BASE : M.BASE + 3], rows[:, M.METALLIC, None]
-        self.alpha = np.maximum(rows[:, M.ROUGHNESS] ** 2, 1e-3)
+        self.rough, self.alpha = rows[:, M.ROUGHNESS].astype(np.float64), np.maximum(rows[:, M.ROUGHNESS] ** 2, 1e-3)
         self.f0 = (((rows[:, M.IOR] - 1) / (rows[:, M.IOR] + 1)) ** 2)[:, None]
-        self.coat = np.where(rows[:, M.METALLIC] == 1, 1.0, 0.5)  # how often `sample` takes the specular part
+        self.coat = np.where(rows[:, M.METALLIC] == 1, 0.9, 0.5)  # how often `sample` takes the specular part
 
     def evaluate(self, wo: F64, wi: F64) -> tuple[F64, F64]:
         """(BSDF times cosine f64[n, 3], density of `sample` f64[n])"""
+        a2, f0 = self.alpha**2, self.f0 + (self.base - self.f0) * self.metallic
         h, o, i = unit(wo + wi), np.maximum(wo[:, 2], 1e-9), np.maximum(wi[:, 2], 0.0)
-        a2 = self.alpha**2
         d = a2 / (np.pi * (h[:, 2] ** 2 * (a2 - 1) + 1) ** 2)
         root_o, root_i = np.sqrt(a2 + (1 - a2) * o * o), np.sqrt(a2 + (1 - a2) * i * i)
         shine = (d * 0.5 / (i * root_o + o * root_i))[:, None]
         m = (1 - np.clip(dot(wo, h), 0, 1))[:, None] ** 5
-        f, f_metal = self.f0 + (1 - self.f0) * m, self.base + (1 - self.base) * m
-        value = (1 - self.metallic) * ((1 - f) * self.base / np.pi + f * shine) + self.metallic * f_metal * shine
+        value = (f0 + (1 - f0) * m) * shine + beside_one_bounce(self.base, self.metallic, self.rough, self.f0, o, i)
         density = self.coat * d / (2 * (o + root_o)) + (1 - self.coat) * i / np.pi
         return value * i[:, None], density
 

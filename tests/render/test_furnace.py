@@ -19,15 +19,14 @@ from unit.render import probe_kernels as probe
 
 def albedo_of(base: float, roughness: float, metallic: float) -> float:
     """Of light from all sides, the share given back to all sides (cosine-weighted)."""
-    rows, count, alpha = 100, 4000, max(roughness**2, 1e-3)
-    coat = 1.0 if metallic == 1.0 else 0.3
+    rows, count, alpha, reflection = 100, 4000, max(roughness**2, 1e-3), (0.04, 0.04, 0.04, 1.0)
     total = 0.0
     for row in range(rows):
         z = math.sqrt((row + 0.5) / rows)
         wo = np.array([math.sqrt(1 - z * z), 0.0, z])
-        wi = probe.scattered(wo, alpha, coat, np.random.default_rng(row).random((count, 3)))
+        wi = probe.scattered(wo, np.full(3, base), metallic, alpha, reflection, 0.0, np.random.default_rng(row).random((count, 3)))
         wi = wi[wi[:, 2] > 0]
-        values = probe.evaluations(np.tile(wo, (len(wi), 1)), wi, np.full(3, base), metallic, alpha, (0.04, 0.04, 0.04, 1.0), 0.0, coat)
+        values = probe.evaluations(np.tile(wo, (len(wi), 1)), wi, np.full(3, base), metallic, alpha, reflection, 0.0)
         total += (values[:, 0] * wi[:, 2] / values[:, 3]).sum() / count
     return float(total / rows)
 

@@ -192,3 +192,24 @@ def bounced(f0: F64 | float, f90: F64 | float, missing_mean: F64 | float) -> F64
     mean = np.asarray(f0) + (np.asarray(f90) - np.asarray(f0)) / 21.0
     result: F64 = mean * mean * (1.0 - np.asarray(missing_mean)) / (1.0 - mean * np.asarray(missing_mean))
     return result
+
+
+def left_of(f0: F64 | float, at: Albedo, mean: Albedo) -> F64:
+    """What a dielectric layer does not give back, with `at` of a direction; f90 = 1. f64[..., 1]."""
+    missing, grazing = at.missing[..., None], at.grazing[..., None]
+    result: F64 = 1.0 - f0 * (1.0 - missing - grazing) - grazing - bounced(f0, 1.0, mean.missing[..., None]) * missing
+    return result
+
+
+def beside_one_bounce(base: F64, metallic: F64 | float, roughness: F64 | float, f0: F64 | float, o: F64, i: F64) -> F64:
+    """glTF's surface, f64[..., 3] without cosine, but for the single bounce on its microfacets: further bounces, and the body.
+
+    base f64[..., 3]; metallic and f0 f64[..., 1]; roughness and the cosines o, i f64[...] (specs/09-renderer-contract.md).
+    """
+    at_o, at_i, mean = albedo(roughness, o), albedo(roughness, i), mean_albedo(roughness)
+    more = (at_o.missing * at_i.missing / (np.pi * np.maximum(mean.missing, 1e-9)))[..., None]
+    body = base * (left_of(f0, at_o, mean) * left_of(f0, at_i, mean) / (np.pi * left_of(f0, mean, mean)))
+    missing = mean.missing[..., None]
+    dielectric, metal = body + bounced(f0, 1.0, missing) * more, bounced(base, 1.0, missing) * more
+    result: F64 = (1.0 - np.asarray(metallic)) * dielectric + metallic * metal
+    return result

@@ -37,9 +37,7 @@ class Surface:
     def sample(self, wo: Floats, count: int, seed: int = 1) -> Floats:
         """Directions, some of them below the surface."""
         numbers = np.random.default_rng(seed).random((count, 3))
-        found: Floats = probe.scattered(
-            wo, np.array(self.base), self.metallic, self.alpha, self.reflection, self.transmission, numbers
-        )
+        found: Floats = probe.scattered(wo, np.array(self.base), self.metallic, self.alpha, self.reflection, self.transmission, numbers)
         return found
 
 

@@ -1,15 +1,18 @@
 """glTF's metallic-roughness surface as a Mitsuba BSDF, written from the formulas of glTF 2.0, appendix B.
 
-    dielectric = mix(diffuse, specular, F_d)      F_d = f0 + (1 - f0)(1 - V.H)^5,  f0 = ((ior - 1) / (ior + 1))^2,
+    dielectric = specular F_d + further(F_d) + diffuse      F_d = f0 + (1 - f0)(1 - V.H)^5,  f0 = ((ior - 1) / (ior + 1))^2,
                  with KHR_materials_specular f0 = min(f0 tint, 1) weight, weight in place of 1, and of 1 - F_d the least channel
-    metal      = specular (c + (1 - c)(1 - V.H)^5)
+    metal      = specular F_m + further(F_m)      F_m = c + (1 - c)(1 - V.H)^5
     material   = mix(dielectric, metal, metallic)
-    diffuse    = c / pi,   specular = V D: GGX, height-correlated Smith, alpha = roughness^2
+    specular = V D: GGX, height-correlated Smith, alpha = roughness^2
+
+but that nothing is lost (specs/09-renderer-contract.md, with the tables of ggx_albedo.py): further(F) is what comes out after more than one
+bounce, and the diffuse body c (1 - S(V))(1 - S(L)) / (pi (1 - Smean)) has what the layer's albedo S leaves, both ways.
 
 Alpha and thin transmission (KHR_materials_transmission, infinitely thin, seen unblurred) are the null component: what
-passes straight on is 1 - a + a q c, q = transmission (1 - metallic)(1 - F_d(cosine at the geometric normal)).
+passes straight on is 1 - a + a q c, q = transmission (1 - metallic)(1 - S(cosine at the geometric normal)).
 
-Over it lies KHR_materials_clearcoat: mix(material, GGX, c F), F Schlick's term of 0.04 at the angle of the viewer.
+Over it lies KHR_materials_clearcoat: mix(material, GGX with all bounces, c F), F Schlick's term of 0.04 at the angle of the viewer.
 
 Normals: the shading normal is turned to the side of the geometric one that is seen, and where it looks away from the viewer the
 geometric one takes its place; no light passes a surface from one geometric side to the other, but straight on.
@@ -20,12 +23,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from scenefold.render.ggx_albedo import AVERAGES, NODES, TABLE
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 from scenefold.render.renderers.mitsuba.looks import Looks
 
 ALPHA_LEAST = 1e-3
 """Smoother surfaces are rendered as this smooth (specs/09-renderer-contract.md)."""
 _HIDDEN = 1e-4
+_COAT_GLOSSY = 0.75
+"""How often a coat's directions are drawn from its microfacets, and not by the cosine."""
 
 
 def gltf_bsdf(mitsuba: Mitsuba, looks: Looks) -> Any:
@@ -34,6 +42,16 @@ def gltf_bsdf(mitsuba: Mitsuba, looks: Looks) -> Any:
 
 
 _classes: dict[str, Any] = {}
+_albedo_tables: dict[str, Any] = {}
+
+
+def _tables(mitsuba: Mitsuba) -> Any:
+    """1 - E and B by roughness and cosine, Float[NODES * NODES], and their means by roughness, Float[NODES]."""
+    if mitsuba.variant not in _albedo_tables:
+        parts = (TABLE & np.uint32(0xFFFF)) / 65535.0, (TABLE >> np.uint32(16)) / 65535.0, *AVERAGES.T
+        given = mitsuba.mi.Float if mitsuba.is_wavefront else np.asarray
+        _albedo_tables[mitsuba.variant] = [given(np.ascontiguousarray(part, np.float32)) for part in parts]
+    return _albedo_tables[mitsuba.variant]
 
 
 def bsdf_class(mitsuba: Mitsuba) -> Any:
@@ -79,13 +97,41 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             f0 = dr.square((self.looks.ior - 1.0) / (self.looks.ior + 1.0))
             return self._fresnel(dr.minimum(f0 * tint, 1.0) * weight, cosine, weight)
 
+        def _read(self, table: Any, places: Any) -> Any:
+            return dr.gather(mi.Float, table, mi.UInt32(places)) if mitsuba.is_wavefront else float(table[int(places)])
+
+        def _albedo(self, roughness: Any, cosine: Any) -> tuple[Any, Any, Any, Any]:
+            """(1 - E, B) towards a cosine, and their means over all."""
+            x = dr.clip(dr.maximum(roughness, dr.sqrt(ALPHA_LEAST)), 0.0, 1.0) * (NODES - 1)
+            y = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (NODES - 1)
+            row, column = dr.minimum(dr.floor(x), NODES - 2.0), dr.minimum(dr.floor(y), NODES - 2.0)
+            tables, found = _tables(mitsuba), []
+            for table in tables[:2]:
+                lower, upper = (
+                    dr.lerp(*(self._read(table, (row + up) * NODES + column + right) for right in (0, 1)), y - column) for up in (0, 1)
+                )
+                found.append(dr.lerp(lower, upper, x - row))
+            found += [dr.lerp(self._read(table, row), self._read(table, row + 1.0), x - row) for table in tables[2:]]
+            return found[0], found[1], found[2], found[3]
+
+        def _further(self, f0: Any, f90: Any, missing: Any) -> Any:
+            """What share of the light that one bounce loses comes out after more of them."""
+            mean = f0 + (f90 - f0) / 21.0
+            return dr.square(mean) * (1.0 - missing) / (1.0 - mean * missing)
+
+        def _left(self, f0: Any, f90: Any, missing: Any, grazing: Any, missing_mean: Any) -> Any:
+            """What the dielectric layer does not give back, Float: by its strongest channel."""
+            f0 = dr.max(f0)
+            return dr.maximum(1.0 - f0 * (1.0 - missing - grazing) - f90 * grazing - self._further(f0, f90, missing_mean) * missing, 0.0)
+
         def _passing(self, si: Any, active: Any) -> Any:
             """What passes straight on, Color3f."""
             base, opacity = self.looks.base(si, active), self.looks.opacity(si, active)
-            _, metallic = self.looks.roughness_metallic(si, active)
+            roughness, metallic = self.looks.roughness_metallic(si, active)
             _, n, towards = self._frame(si)
-            f_d = dr.max(self._dielectric(si, dr.dot(n, towards), active))
-            q = self.looks.transmission(si, active) * (1.0 - metallic) * (1.0 - f_d)
+            missing, grazing, missing_mean, _ = self._albedo(roughness, dr.dot(n, towards))
+            left = self._left(self._dielectric(si, 1.0, active), self.looks.specular(si, active)[0], missing, grazing, missing_mean)
+            q = self.looks.transmission(si, active) * (1.0 - metallic) * left
             if self.looks.coated:
                 q *= 1.0 - self._coat(si, dr.dot(n, towards), active)[0]
             return 1.0 - opacity + opacity * q * base
@@ -100,10 +146,10 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             return visibility * distribution.eval(h), distribution.pdf(v, h) / (4.0 * dr.dot(v, h))
 
         def _coat(self, si: Any, cosine: Any, active: Any) -> tuple[Any, Any, Any]:
-            """The coat's share, the chance to sample it, and its alpha."""
+            """The coat's share, the chance to sample it, and its roughness."""
             strength, roughness = self.looks.coat(si, active)
             share = strength * self._fresnel(0.04, cosine)
-            return share, dr.select(strength > 0.0, dr.clip(share, 0.15, 0.9), 0.0), dr.maximum(roughness * roughness, ALPHA_LEAST)
+            return share, dr.select(strength > 0.0, dr.clip(share, 0.15, 0.9), 0.0), dr.maximum(roughness, dr.sqrt(ALPHA_LEAST))
 
         def _chances(self, si: Any, active: Any, v: Any) -> tuple[Any, Any]:
             """With which probability to go straight on, and, otherwise, to sample the specular part."""
@@ -113,7 +159,7 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             f_d = dr.max(self._dielectric(si, v.z, active))
             specular = (1.0 - metallic) * f_d + metallic * self._fresnel(base, v.z)
             diffuse = (1.0 - metallic) * (1.0 - self.looks.transmission(si, active)) * (1.0 - f_d) * base
-            share = dr.select(diffuse > 1e-9, dr.clip(specular / (specular + diffuse), 0.15, 0.95), 1.0)
+            share = dr.clip(specular / dr.maximum(specular + diffuse, 1e-9), 0.15, 0.95)
             return straight, share
 
         def _value_and_density(self, si: Any, wo: Any, active: Any) -> tuple[Any, Any]:
@@ -128,15 +174,27 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             specular, density = self._mirror(v, l, alpha)
             cosine = dr.dot(v, dr.normalize(v + l))
             f_d = self._dielectric(si, cosine, active)
-            diffuse = (1.0 - dr.max(f_d)) * (1.0 - self.looks.transmission(si, active)) * base * dr.inv_pi
-            value = (1.0 - metallic) * (diffuse + f_d * specular) + metallic * specular * self._fresnel(base, cosine)
+            missing_v, grazing_v, missing, grazing = self._albedo(roughness, v.z)
+            missing_l, grazing_l, _, _ = self._albedo(roughness, l.z)
+            f0, f90 = self._dielectric(si, 1.0, active), self.looks.specular(si, active)[0]
+            further = missing_v * missing_l * dr.inv_pi / dr.maximum(missing, 1e-9)
+            left = self._left(f0, f90, missing_v, grazing_v, missing) * self._left(f0, f90, missing_l, grazing_l, missing)
+            left /= dr.maximum(self._left(f0, f90, missing, grazing, missing), 1e-6)
+            diffuse = left * (1.0 - self.looks.transmission(si, active)) * base * dr.inv_pi
+            dielectric = diffuse + f_d * specular + self._further(f0, f90, missing) * further
+            metal = specular * self._fresnel(base, cosine) + self._further(base, 1.0, missing) * further
+            value = (1.0 - metallic) * dielectric + metallic * metal
             straight, share = self._chances(si, active, v)
             density = share * density + (1.0 - share) * l.z * dr.inv_pi
             if self.looks.coated:
                 coat_frame, _, _ = self._frame(si, of_coat=True)
                 cv, cl = coat_frame.to_local(towards), coat_frame.to_local(out)
-                veil, pick, coat_alpha = self._coat(si, cv.z, active)
-                coat_value, coat_density = self._mirror(cv, cl, coat_alpha)
+                veil, pick, coat_roughness = self._coat(si, cv.z, active)
+                coat_value, coat_density = self._mirror(cv, cl, dr.square(coat_roughness))
+                missing_v, _, missing, _ = self._albedo(coat_roughness, cv.z)
+                missing_l, _, _, _ = self._albedo(coat_roughness, cl.z)
+                coat_value += missing_v * missing_l * dr.inv_pi / dr.maximum(missing, 1e-9)
+                coat_density = dr.lerp(cl.z * dr.inv_pi, coat_density, _COAT_GLOSSY)
                 mirrors = active & (cv.z > 0.0) & (cl.z > 0.0) & (dr.dot(out, n) > 0.0)
                 added = dr.select(mirrors, veil * coat_value * cl.z * opacity, 0.0)
                 total = dr.select(good, (1.0 - veil) * value * opacity * l.z, 0.0) + added
@@ -158,11 +216,11 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             if self.looks.coated:
                 coat_frame, _, _ = self._frame(si, of_coat=True)
                 cv = coat_frame.to_local(towards)
-                _, pick, coat_alpha = self._coat(si, cv.z, active)
-                off_coat = rest < pick
+                _, pick, coat_roughness = self._coat(si, cv.z, active)
+                coat_alpha, off_coat, glossy = dr.square(coat_roughness), rest < pick, rest < pick * _COAT_GLOSSY
                 rest = (rest - pick) / dr.maximum(1.0 - pick, 1e-9)
                 coat_half, _ = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, coat_alpha, coat_alpha, True).sample(cv, sample2)
-                mirrored = mi.reflect(cv, coat_half)
+                mirrored = dr.select(glossy, mi.reflect(cv, coat_half), mi.warp.square_to_cosine_hemisphere(sample2))
             distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
             h, _ = distribution.sample(v, sample2)
             l = dr.select(rest < share, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))
