@@ -52,6 +52,26 @@ def frame_of(nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
+def into_frame(frame, x, y, z):  # type: ignore[no-untyped-def]
+    """A vector's coordinates in a frame: nine reals, three unit vectors."""
+    return (
+        x * frame[0] + y * frame[1] + z * frame[2],
+        x * frame[3] + y * frame[4] + z * frame[5],
+        x * frame[6] + y * frame[7] + z * frame[8],
+    )
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def out_of_frame(frame, x, y, z):  # type: ignore[no-untyped-def]
+    """The vector that has these coordinates in the frame."""
+    return (
+        x * frame[0] + y * frame[3] + z * frame[6],
+        x * frame[1] + y * frame[4] + z * frame[7],
+        x * frame[2] + y * frame[5] + z * frame[8],
+    )
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def sample_cosine(u, v):  # type: ignore[no-untyped-def]
     """A direction with density cos / pi."""
     s, c = sine_cosine_of_turns(v)

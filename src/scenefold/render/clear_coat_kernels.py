@@ -14,11 +14,22 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from scenefold.render.bsdf_kernels import frame_of, fresnel, reflect_ggx, sample_cosine, sample_visible_normal
+from scenefold.render.arrays import MaterialColumn
+from scenefold.render.bsdf_kernels import (
+    frame_of,
+    fresnel,
+    into_frame,
+    out_of_frame,
+    reflect_ggx,
+    sample_cosine,
+    sample_visible_normal,
+)
 from scenefold.render.energy_kernels import Rough, albedo_of, rough_of
-from scenefold.render.lane_values_kernels import alike, bits_of, select
+from scenefold.render.lane_values_kernels import alike, any_lane, bits_of, select
 from scenefold.render.math_kernels import INVERSE_PI
+from scenefold.render.normal_map_kernels import mapped_normal
 
+_NORMAL_USE, _NORMAL_SCALE = MaterialColumn.CLEARCOAT_NORMAL_USE, MaterialColumn.CLEARCOAT_NORMAL_SCALE
 _F0 = 0.04
 _PICK_MIN, _PICK_MAX = 0.1, 0.9
 _COSINE_MIN = 1e-4
@@ -50,20 +61,11 @@ def coat_share(strength, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _inside(frame, x, y, z):  # type: ignore[no-untyped-def]
-    return (
-        x * frame[0] + y * frame[1] + z * frame[2],
-        x * frame[3] + y * frame[4] + z * frame[5],
-        x * frame[6] + y * frame[7] + z * frame[8],
-    )
-
-
-@njit(error_model="numpy", _nrt=False, forceinline=True)
 def coat_of(strength, alpha, nx, ny, nz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """The coat whose unit normal is n, on the viewer's side, for a ray along d."""
     ax, ay, az, bx, by, bz = frame_of(nx, ny, nz)
     frame = (ax, ay, az, bx, by, bz, nx, ny, nz)
-    wo = _inside(frame, -dx, -dy, -dz)
+    wo = into_frame(frame, -dx, -dy, -dz)
     share = coat_share(strength, wo[2])
     rough = rough_of(alpha)
     missing, _ = albedo_of(rough, wo[2])
@@ -85,7 +87,7 @@ def coated(coat, wx, wy, wz, r, g, b, pdf, cosine):  # type: ignore[no-untyped-d
 
     The cosine is by which values are to be multiplied: the coat mirrors where the normal below is turned away, too.
     """
-    x, y, z = _inside(coat.frame, wx, wy, wz)
+    x, y, z = into_frame(coat.frame, wx, wy, wz)
     value, density, _ = reflect_ggx(coat.wo[0], coat.wo[1], coat.wo[2], x, y, z, coat.alpha)
     missing, _ = albedo_of(coat.rough, z)
     value, density = value + coat.more * missing, coat.glossy * density + (1.0 - coat.glossy) * z * INVERSE_PI
@@ -110,6 +112,32 @@ def sample_coat(coat, lobe, u, v):  # type: ignore[no-untyped-def]
     double = 2.0 * (coat.wo[0] * hx + coat.wo[1] * hy + coat.wo[2] * hz)
     x, y, z = double * hx - coat.wo[0], double * hy - coat.wo[1], double * hz - coat.wo[2]
     cx, cy, cz = sample_cosine(u, v)
-    off_normal, f = lobe < coat.glossy, coat.frame
+    off_normal = lobe < coat.glossy
     x, y, z = select(off_normal, x, cx), select(off_normal, y, cy), select(off_normal, z, cz)
-    return x * f[0] + y * f[3] + z * f[6], x * f[1] + y * f[4] + z * f[7], x * f[2] + y * f[5] + z * f[8], z > 0.0
+    wx, wy, wz = out_of_frame(coat.frame, x, y, z)
+    return wx, wy, wz, z > 0.0
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def seen(hit):  # type: ignore[no-untyped-def]
+    """The `Coat` of a `Hit`."""
+    coat, surface = no_coat(hit.u), hit.surface
+    if any_lane(surface.coat > 0.0):
+        nx, ny, nz = mapped_normal(
+            hit.scene, hit.material, hit.triangle, hit.instance, hit.u, hit.v, hit.places, hit.untilted, hit.geometric, hit.way,
+            hit.behind, hit.scratch, _NORMAL_USE, _NORMAL_SCALE,
+        )  # fmt: skip
+        coat = coat_of(surface.coat, surface.coat_alpha, nx, ny, nz, hit.way[0], hit.way[1], hit.way[2])
+    return coat
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def value(coat, wx, wy, wz, below):  # type: ignore[no-untyped-def]
+    """(r, g, b, density, cosine) for light from w, over what lies below."""
+    r, g, b, pdf, cosine = below
+    if any_lane(coat.pick > 0.0):
+        r, g, b, pdf, cosine = coated(coat, wx, wy, wz, r, g, b, pdf, cosine)
+    return r, g, b, pdf, cosine
+
+
+draw = sample_coat

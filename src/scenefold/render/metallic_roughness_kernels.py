@@ -14,9 +14,18 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from scenefold.render.bsdf_kernels import grazing_of, luminance, reflect_ggx
+from scenefold.render.bsdf_kernels import (
+    frame_of,
+    grazing_of,
+    into_frame,
+    luminance,
+    out_of_frame,
+    reflect_ggx,
+    sample_cosine,
+    sample_visible_normal,
+)
 from scenefold.render.energy_kernels import albedo_of, bounced, left_of, rough_of
-from scenefold.render.lane_values_kernels import select
+from scenefold.render.lane_values_kernels import any_lane, select
 from scenefold.render.math_kernels import INVERSE_PI
 
 _PICK_MIN = 0.1
@@ -100,3 +109,44 @@ def evaluate(surface, wix, wiy, wiz):  # type: ignore[no-untyped-def]
         select(above, shine * (f0_b + (f90 - f0_b) * schlick) + surface.more[2] * missing + surface.body[2] * left, 0.0),
         select(above, pdf, 0.0),
     )
+
+
+class Seen(NamedTuple):
+    """The body at a hit."""
+
+    surface: Any
+    frame: Any
+    """Nine reals: two tangents and the normal."""
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def seen(hit):  # type: ignore[no-untyped-def]
+    """The `Seen` of a `Hit`."""
+    nx, ny, nz = hit.normal
+    ax, ay, az, bx, by, bz = frame_of(nx, ny, nz)
+    frame = (ax, ay, az, bx, by, bz, nx, ny, nz)
+    wox, woy, woz = into_frame(frame, -hit.way[0], -hit.way[1], -hit.way[2])
+    m = hit.surface
+    return Seen(metallic_roughness(wox, woy, woz, m.r, m.g, m.b, m.metallic, m.alpha, m.reflection, m.transmission), frame)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def value(body, wx, wy, wz):  # type: ignore[no-untyped-def]
+    """(r, g, b, density, cosine) for light from w."""
+    x, y, z = into_frame(body.frame, wx, wy, wz)
+    r, g, b, pdf = evaluate(body.surface, x, y, z)
+    return r, g, b, pdf, z
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def draw(body, lobe, u, v):  # type: ignore[no-untyped-def]
+    """(x, y, z, whether it leaves the surface), off visible normals or by the cosine."""
+    x, y, z = sample_cosine(u, v)
+    glossy = lobe < body.surface.pick
+    if any_lane(glossy):
+        wox, woy, woz = body.surface.wo
+        hx, hy, hz = sample_visible_normal(wox, woy, woz, body.surface.alpha, u, v)
+        double = 2.0 * (wox * hx + woy * hy + woz * hz)
+        x, y, z = select(glossy, double * hx - wox, x), select(glossy, double * hy - woy, y), select(glossy, double * hz - woz, z)
+    wx, wy, wz = out_of_frame(body.frame, x, y, z)
+    return wx, wy, wz, z > 0.0

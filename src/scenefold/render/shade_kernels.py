@@ -16,11 +16,10 @@ from numba import njit
 
 from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_POINT_SHADOW, KIND_SHADOW, PDF_DELTA
 from scenefold.render.arrays import Feature, MaterialColumn
-from scenefold.render.bsdf_kernels import frame_of, sample_cosine, sample_visible_normal
 from scenefold.render.clamp_kernels import clamped
-from scenefold.render.clear_coat_kernels import coat_of, coated, no_coat, sample_coat
 from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
 from scenefold.render.generate_kernels import depth_of
+from scenefold.render.hit_kernels import Hit
 from scenefold.render.lane_values_kernels import (
     alike,
     any_lane,
@@ -36,10 +35,10 @@ from scenefold.render.lane_values_kernels import (
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_at
 from scenefold.render.math_kernels import decode_color, decode_direction, decode_pdf, encode_color, encode_direction, encode_pdf
-from scenefold.render.metallic_roughness_kernels import evaluate, metallic_roughness
 from scenefold.render.normal_map_kernels import mapped_normal
 from scenefold.render.pixel_kernels import pixels_of
 from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
+from scenefold.render.scattering_kernels import draw, seen, value
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, DEPTH_END, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
@@ -71,7 +70,6 @@ _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
 )
 _DOUBLE_SIDED = MaterialColumn.DOUBLE_SIDED
 _NORMAL_USE, _NORMAL_SCALE = MaterialColumn.NORMAL_USE, MaterialColumn.NORMAL_SCALE
-_COAT_NORMAL_USE, _COAT_NORMAL_SCALE = MaterialColumn.CLEARCOAT_NORMAL_USE, MaterialColumn.CLEARCOAT_NORMAL_SCALE
 _BASE_USE, _VERTEX_ALPHA = MaterialColumn.BASE_USE, MaterialColumn.VERTEX_ALPHA
 _ALPHA_MODE, _ALPHA_CUTOFF = MaterialColumn.ALPHA_MODE, MaterialColumn.ALPHA_CUTOFF
 
@@ -193,9 +191,8 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     places = coordinates_at(scene, triangle, u, v, tu, tv)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
-    base_r, base_g, base_b, metallic, alpha, reflection, transmission, features, coat_strength, coat_alpha = material_at(
-        scene, material, triangle, u, v, places, scratch
-    )
+    looks = material_at(scene, material, triangle, u, v, places, scratch)
+    base_r, base_g, base_b, metallic, alpha, reflection, transmission, features, coat_strength, _ = looks
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
     front = facing > 0.0
@@ -278,32 +275,19 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
 
     pixel, sample = pixels_of(job, first_path, ray.path, scratch)
     dice = dice_of(job, pixel, sample, ray.bounce)
-    ax, ay, az, bx, by, bz = frame_of(sx, sy, sz)
-    wox = -(dx * ax + dy * ay + dz * az)
-    woy = -(dx * bx + dy * by + dz * bz)
-    woz = -(dx * sx + dy * sy + dz * sz)
-    surface = metallic_roughness(wox, woy, woz, base_r, base_g, base_b, metallic, alpha, reflection, transmission)
-    is_coated = any_lane(coat_strength > 0.0)
-    varnish = no_coat(px)
-    if is_coated:
-        nx, ny, nz = mapped_normal(
-            scene, material, triangle, instance, u, v, places, below, (gx, gy, gz), (dx, dy, dz), opposite(front), scratch,
-            _COAT_NORMAL_USE, _COAT_NORMAL_SCALE,
-        )  # fmt: skip
-        varnish = coat_of(coat_strength, coat_alpha, nx, ny, nz, dx, dy, dz)
+    surface = seen(Hit(
+        scene, material, triangle, instance, u, v, places, looks, (dx, dy, dz), (gx, gy, gz), below, (sx, sy, sz), opposite(front), scratch,
+    ))  # fmt: skip
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, reach)
 
     # A shadow ray towards one light sample.
     found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, dice, fx, fy, fz, gx, gy, gz, scratch)
     found = live & found & (wx * gx + wy * gy + wz * gz > 0.0)
     if any_lane(found):
-        wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
-        vr, vg, vb, pdf = evaluate(surface, wix, wiy, wiz)
-        if is_coated:
-            vr, vg, vb, pdf, wiz = coated(varnish, wx, wy, wz, vr, vg, vb, pdf, wiz)
+        vr, vg, vb, pdf, cosine = value(surface, wx, wy, wz)
         quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
         finite = light_pdf > 0.0
-        weight = wiz * select(finite, _power_weight(light_pdf, quantised), 1.0)
+        weight = cosine * select(finite, _power_weight(light_pdf, quantised), 1.0)
         cr, cg, cb = r * vr * lr * weight, g * vg * lg * weight, b * vb * lb * weight
         low, high = encode_color(cr, cg, cb, noise(dice, NOISE_CONTRIBUTION))
         total = cr + cg + cb
@@ -317,38 +301,18 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
             low, high, ray.path, kind, ray.bounce,
         )  # fmt: skip
 
-    # The path goes on: straight through, off the coat, or off the diffuse body.
+    # The path goes on: straight through, or off one of the surface's layers.
     lobe, gamble = pair(job, dice, PAIR_LOBE_ROULETTE)
     u, v = pair(job, dice, PAIR_SCATTER)
     straight = lobe < through
-    rest, pick = lobe - through, varnish.pick * (1.0 - through)
-    off_coat = rest < pick
-    glossy = (rest - pick) < surface.pick * (1.0 - through - pick)
-    wix, wiy, wiz = sample_cosine(u, v)
-    if any_lane(glossy):
-        hx, hy, hz = sample_visible_normal(wox, woy, woz, alpha, u, v)
-        cosine = 2.0 * (wox * hx + woy * hy + woz * hz)
-        wix, wiy, wiz = (
-            select(glossy, cosine * hx - wox, wix),
-            select(glossy, cosine * hy - woy, wiy),
-            select(glossy, cosine * hz - woz, wiz),
-        )
-    above = wiz > 0.0
-    wx, wy, wz = wix * ax + wiy * bx + wiz * sx, wix * ay + wiy * by + wiz * sy, wix * az + wiy * bz + wiz * sz
-    if is_coated:
-        hx, hy, hz, leaves = sample_coat(varnish, rest / max(pick, 1e-9), u, v)
-        wx, wy, wz = select(off_coat, hx, wx), select(off_coat, hy, wy), select(off_coat, hz, wz)
-        above = select(off_coat, leaves, above)
+    wx, wy, wz, above = draw(surface, (lobe - through) / (1.0 - through), u, v)
     code_u, code_v = encode_direction(wx, wy, wz)
     # From here on the direction is what its code says: the density too is that of the coded direction.
     wx, wy, wz = decode_direction(code_u, code_v)
-    wix, wiy, wiz = wx * ax + wy * ay + wz * az, wx * bx + wy * by + wz * bz, wx * sx + wy * sy + wz * sz
-    vr, vg, vb, pdf = evaluate(surface, wix, wiy, wiz)
-    if is_coated:
-        vr, vg, vb, pdf, wiz = coated(varnish, wx, wy, wz, vr, vg, vb, pdf, wiz)
+    vr, vg, vb, pdf, cosine = value(surface, wx, wy, wz)
     pdf = pdf * (1.0 - through)
     live = live & (straight | (above & (wx * gx + wy * gy + wz * gz > 0.0) & (pdf > 0.0)))
-    weight = wiz / pdf
+    weight = cosine / pdf
     next_pdf = select(straight, np.uint32(PDF_DELTA), encode_pdf(pdf))
     r, g, b = (
         select(straight, r * tint_r, r * vr * weight),
