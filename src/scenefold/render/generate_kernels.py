@@ -33,9 +33,11 @@ def scattering_stride(pixels: int) -> int:
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def]
-    """Write the camera rays of paths first_path .. first_path + len(out) - 1 to out, uint32[n, 9]; scratch uint32[SCRATCH_WORDS].
+def generate_pass(job, first_path, order, out, scratch):  # type: ignore[no-untyped-def]
+    """Write the camera rays of a pass's paths order[: len(out)] to out, uint32[n, 9].
 
+    first_path: global number of the pass's path 0; order uint32[n, rounded up to a whole number of `LANES`]; scratch
+    uint32[SCRATCH_WORDS].
     A ray is born where it enters the job's box: seen from a camera far away, single precision would not tell
     one surface from the next. One that misses the box altogether is born with t_done 65535.
     """
@@ -50,7 +52,7 @@ def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def
     white_low, white_high = encode_color(half * 2.0, half * 2.0, half * 2.0, (half, half, half))
     made, count = 0, out.shape[0]
     for first in range(0, count, LANES):
-        paths = lane_numbers() + np.uint32(first)
+        paths = take(order, first)
         pixel, sample = pixels_of(job, first_path, paths, scratch)
         dice = dice_of(job, pixel, sample, nobody)
         u, v = pair(job, dice, PAIR_PIXEL)
@@ -85,7 +87,7 @@ def generate_pass(job, first_path, out, scratch):  # type: ignore[no-untyped-def
             ox, oy, oz = take(reals, 3 * LANES), take(reals, 4 * LANES), take(reals, 5 * LANES)
         before = made
         made = write_rays(
-            out, made, paths < np.uint32(count), scratch, ox, oy, oz, code_u, code_v, alike(np.uint32(PDF_DELTA), paths),
+            out, made, lane_numbers() + np.uint32(first) < np.uint32(count), scratch, ox, oy, oz, code_u, code_v, alike(np.uint32(PDF_DELTA), paths),
             white_low, white_high, paths, alike(np.uint32(KIND_CAMERA), paths), nobody,
         )  # fmt: skip
         for k in range(made - before):

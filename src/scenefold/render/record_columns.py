@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, PATH_RAY, RAY_WORDS
 from scenefold.render.arrays import F64, I64, U32, JobNumbers
 from scenefold.render.generate_kernels import SCRATCH_WORDS, generate_pass
+from scenefold.render.lanes_kernels import LANES
 
 _CODES = 2.0**31
 
@@ -37,7 +38,8 @@ class PathRays(NamedTuple):
 def camera_rays(numbers: JobNumbers, first_path: int, count: int) -> U32:
     """The camera rays of paths first_path .. first_path + count - 1 as records uint32[count, 9]."""
     rays = np.empty((count, RAY_WORDS), np.uint32)
-    generate_pass(numbers, np.int64(first_path), rays, np.empty(SCRATCH_WORDS, np.uint32))
+    in_turn = np.arange(count + LANES, dtype=np.uint32)
+    generate_pass(numbers, np.int64(first_path), in_turn, rays, np.empty(SCRATCH_WORDS, np.uint32))
     return rays
 
 

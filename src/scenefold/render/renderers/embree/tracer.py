@@ -17,6 +17,7 @@ from scenefold.partition import Partition
 from scenefold.render.arrays import I64, U8, U32, JobNumbers, SceneArrays
 from scenefold.render.contract import Advanced
 from scenefold.render.generate_kernels import SCRATCH_WORDS, generate_pass
+from scenefold.render.order_kernels import PathOrder
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.embree import cast_kernels, library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
@@ -34,6 +35,7 @@ class EmbreeTracer:
         self._arrays = arrays
         self._geometry = geometry
         self._job = job
+        self._order = PathOrder(job)
         self._family = np.int32(partition.family)
         self._cells = partition.kernel_data()
         self._nodes = partition.nodes
@@ -59,7 +61,7 @@ class EmbreeTracer:
     def generate(self, first_path: int, count: int) -> dict[int, U32]:
         """See `Tracer`. What misses the job's box altogether stays here, to see the sky."""
         rays = np.empty((count, RAY_WORDS), np.uint32)
-        generate_pass(self._job, np.int64(first_path), rays, self._scratch)
+        generate_pass(self._job, np.int64(first_path), self._order.of_pass(first_path, count), rays, self._scratch)
         owners = np.empty(len(rays), np.int32)
         self._find_owners(rays, owners)
         return self._grouped(rays, owners, len(rays))
