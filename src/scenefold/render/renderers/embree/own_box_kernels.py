@@ -24,7 +24,7 @@ _PARALLEL = 2e-18
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def own_box_entry(table, ray, group, primitive, inverses):  # type: ignore[no-untyped-def]
-    """At which t >= 0 the ray enters the box of a triangle, MISSED if never. Addresses as in cast_kernels.py.
+    """At which t >= 0 the ray enters the box of a triangle, MISSED if never. Addresses as in filter_kernels.py.
 
     inverses: address of 1 / direction, 3 x f64, where the ray is in the space in which it was cast; else 0.
     """

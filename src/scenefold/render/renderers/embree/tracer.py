@@ -19,7 +19,7 @@ from scenefold.render.contract import Advanced
 from scenefold.render.generate_kernels import SCRATCH_WORDS, generate_pass
 from scenefold.render.order_kernels import PathOrder
 from scenefold.render.pass_sums import PassSums
-from scenefold.render.renderers.embree import cast_kernels, library
+from scenefold.render.renderers.embree import cast_kernels, filter_kernels, library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
 from scenefold.render.route_kernels import group_by_owner, split_by_owner, take_forwarded
 from scenefold.render.shade_kernels import shade_batch
@@ -42,14 +42,15 @@ class EmbreeTracer:
         self._me = np.int32(me)
         self._intersect = np.int64(library.function_address("rtcIntersect1"))
         self._occluded = np.int64(library.function_address("rtcOccluded1"))
-        self._nearest = np.int64(cast_kernels.nearest_filter.address)
-        self._shadow = np.int64(cast_kernels.shadow_filter.address)
+        self._filters = np.array([one.address for one in filter_kernels.FILTERS], np.int64)
         self._see_through = np.int64(geometry.has_see_through)
         self._addresses = _addresses_of(arrays)
-        self._workspace = _aligned_words(cast_kernels.WORKSPACE_WORDS)
+        self._workspace = _aligned_words(filter_kernels.WORKSPACE_WORDS)
         self._status = np.empty(CHUNK_RAYS, np.uint8)
         self._hit_uv = np.empty((CHUNK_RAYS, 2), np.float32)
         self._hit_ids = np.empty((CHUNK_RAYS, 3), np.uint32)
+        self._ways = np.empty((CHUNK_RAYS, 3), np.float32)
+        self._reached = np.empty(CHUNK_RAYS, np.float32)
         self._listed = np.empty(2 * CHUNK_RAYS, np.int64)
         self._scratch = _aligned_words(SCRATCH_WORDS)
         self._out = np.empty((3 * CHUNK_RAYS, RAY_WORDS), np.uint32)
@@ -127,8 +128,7 @@ class EmbreeTracer:
         cast_kernels.cast_batch(
             self._intersect,
             self._occluded,
-            self._nearest,
-            self._shadow,
+            self._filters,
             self._addresses,
             self._see_through,
             np.int64(self._geometry.scene_address),
@@ -145,6 +145,9 @@ class EmbreeTracer:
             status,
             self._hit_uv,
             self._hit_ids,
+            self._ways,
+            self._reached,
+            self._listed,
         )
 
     def _shade(self, batch: U32, first_path: int, status: U8, sums: PassSums) -> int:
@@ -181,9 +184,9 @@ class EmbreeTracer:
 
 def _addresses_of(arrays: SceneArrays) -> I64:
     """Where the caster's filters find the arrays of a scene, which must outlive the tracer."""
-    places = [getattr(arrays, name).ctypes.data for name in cast_kernels.TABLE]
+    places = [getattr(arrays, name).ctypes.data for name in filter_kernels.TABLE]
     addresses: I64 = np.array([*places, arrays.has_uvs2, arrays.has_colors], np.int64)
-    assert len(addresses) == cast_kernels.TABLE_WORDS
+    assert len(addresses) == filter_kernels.TABLE_WORDS
     return addresses
 
 
