@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, PATH_RAY, PDF_DELTA
 from scenefold.partition import Partition
 from scenefold.render.image_files import image_sha256
 from scenefold.render.lens import Lens
+from scenefold.render.renderers.embree import filter_kernels
+from scenefold.render.renderers.embree.library import Device
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.payloads.materials import Material
 from unit.render.lanes_probe_kernels import probed
@@ -260,3 +263,15 @@ def test_rays_with_any_bits_end() -> None:
     rays[:2000, :3] = random.uniform(-1, 1, (2000, 3)).astype(np.float32).view(np.uint32)
     sums = rig.fly(rig.job("voronoi", 3, sky=SKY), rays)
     assert (sums.radiance >= 0).all()
+
+
+@pytest.mark.parametrize("make", [furnished, lambda: doubled(6)], ids=["furnished", "doubled"])
+def test_what_is_tested_after_the_search_is_what_would_be_tested_within(make: Callable[[], Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    quick = make().render(sky=SKY)
+    add = Device.add_triangles
+    # To be see-through is what has the quick filters test every candidate at once.
+    monkeypatch.setattr(Device, "add_triangles", lambda *args: add(*args[:5], 1))
+    assert same(make().render(sky=SKY), quick)
+    _, shadow, *exact = filter_kernels.FILTERS
+    monkeypatch.setattr(filter_kernels, "FILTERS", (exact[0], shadow, *exact))
+    assert same(make().render(sky=SKY), quick)
