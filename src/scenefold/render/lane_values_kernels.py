@@ -295,3 +295,20 @@ def put(typingctx, array, at, lanes):
         return context.get_dummy_value()
 
     return types.void(array, at, lanes), codegen
+
+
+@intrinsic
+def prefetch_row(typingctx, array, row):
+    """Ask for the first cache line of a row of an array of two dimensions, which is about to be written, without waiting for it. Nothing is checked."""
+
+    def codegen(context, builder, sig, args):
+        view = context.make_array(sig.args[0])(context, builder, args[0])
+        places = [context.cast(builder, args[1], sig.args[1], types.int64), context.get_constant(types.int64, 0)]
+        pointer = cgutils.get_item_pointer(context, builder, sig.args[0], view, places, wraparound=False, boundscheck=False)
+        pointer = builder.bitcast(pointer, ir.IntType(8).as_pointer())
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type, I32_TYPE, I32_TYPE, I32_TYPE])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(function, [pointer, I32_TYPE(1), I32_TYPE(3), I32_TYPE(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, row), codegen

@@ -28,6 +28,7 @@ from scenefold.render.lane_values_kernels import (
     gather,
     lane_numbers,
     opposite,
+    prefetch_row,
     put,
     select,
     take,
@@ -37,7 +38,7 @@ from scenefold.render.light_kernels import emitter_pdf, sample_light, sky_at
 from scenefold.render.math_kernels import decode_color, decode_direction, decode_pdf, encode_color, encode_direction, encode_pdf
 from scenefold.render.normal_map_kernels import mapped_normal
 from scenefold.render.pixel_kernels import pixels_of
-from scenefold.render.record_kernels import is_shadow_ray, read_rays, write_rays
+from scenefold.render.record_kernels import is_shadow_ray, kind_of, path_of, read_rays, write_rays
 from scenefold.render.scattering_kernels import draw, seen, value
 from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
@@ -152,9 +153,14 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
             frees[free_count] = i
             free_count += 1
     for first in range(0, free_count, LANES):
+        for k in range(first + LANES, min(first + 2 * LANES, free_count)):
+            prefetch_row(sums, path_of(rays, frees[k]))
         _deliver(rays, frees, first, free_count, scene, job, sums, counters, scratch)
     made = 0
     for first in range(0, hit_count, LANES):
+        for k in range(first + LANES, min(first + 2 * LANES, hit_count)):
+            if kind_of(rays, hits[k]) == KIND_CAMERA:
+                prefetch_row(aovs, path_of(rays, hits[k]))
         made = _shade_hits(
             rays, hits, first, hit_count, hit_uv, hit_ids, scene, job, first_path, sums, aovs, counters, scratch, out, made
         )  # fmt: skip
