@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from scenefold.partition import voronoi, wedges
+from scenefold.partition import boxes, power, slabs, voronoi, wedges
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,6 +24,9 @@ class Family(IntEnum):
 
     VORONOI = 1
     WEDGES = 2
+    SLABS = 3
+    POWER = 4
+    BOXES = 5
 
 
 class FamilyRules(NamedTuple):
@@ -37,4 +40,7 @@ class FamilyRules(NamedTuple):
 RULES: dict[Family, FamilyRules] = {
     Family.VORONOI: FamilyRules(voronoi.size, voronoi.fault, voronoi.kernel_data),
     Family.WEDGES: FamilyRules(wedges.size, wedges.fault, wedges.kernel_data),
+    Family.SLABS: FamilyRules(slabs.size, slabs.fault, slabs.kernel_data),
+    Family.POWER: FamilyRules(power.size, power.fault, power.kernel_data),
+    Family.BOXES: FamilyRules(boxes.size, boxes.fault, boxes.kernel_data),
 }

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from scenefold.partition import voronoi_kernels, wedge_kernels
+from scenefold.partition import kd_kernels, power_kernels, slab_kernels, voronoi_kernels, wedge_kernels
 from scenefold.partition.families import Family
 
 Floats = npt.NDArray[np.float64]
@@ -31,11 +31,20 @@ Indices = npt.NDArray[np.int32]
 
 _VORONOI = int(Family.VORONOI)
 _WEDGES = int(Family.WEDGES)
+_SLABS = int(Family.SLABS)
+_POWER = int(Family.POWER)
+_BOXES = int(Family.BOXES)
 
 _voronoi_owner, _voronoi_leave = voronoi_kernels.owner, voronoi_kernels.leave
 _voronoi_facets, _voronoi_separates = voronoi_kernels.facets, voronoi_kernels.separates
 _wedge_owner, _wedge_leave = wedge_kernels.owner, wedge_kernels.leave
 _wedge_facets, _wedge_separates = wedge_kernels.facets, wedge_kernels.separates
+_slab_owner, _slab_leave = slab_kernels.owner, slab_kernels.leave
+_slab_facets, _slab_separates = slab_kernels.facets, slab_kernels.separates
+_power_owner, _power_leave = power_kernels.owner, power_kernels.leave
+_power_facets, _power_separates = power_kernels.facets, power_kernels.separates
+_box_owner, _box_leave = kd_kernels.owner, kd_kernels.leave
+_box_facets, _box_separates = kd_kernels.facets, kd_kernels.separates
 
 _CUTS = 4
 """An undecided box is cut into this many pieces a side: fewer boxes near edges of a cell are held for nothing."""
@@ -52,6 +61,12 @@ def owner_ahead(family, data, x, y, z, dx, dy, dz):
         return np.int32(_voronoi_owner(data, x, y, z, dx, dy, dz))
     if family == _WEDGES:
         return np.int32(_wedge_owner(data, x, y, z, dx, dy, dz))
+    if family == _SLABS:
+        return np.int32(_slab_owner(data, x, y, z, dx, dy, dz))
+    if family == _POWER:
+        return np.int32(_power_owner(data, x, y, z, dx, dy, dz))
+    if family == _BOXES:
+        return np.int32(_box_owner(data, x, y, z, dx, dy, dz))
     return np.int32(-1)
 
 
@@ -73,6 +88,12 @@ def leave_after(family, data, node, ox, oy, oz, dx, dy, dz, t):
         t_exit, target = _voronoi_leave(data, node, ox, oy, oz, dx, dy, dz)
     elif family == _WEDGES:
         t_exit, target = _wedge_leave(data, node, ox, oy, oz, dx, dy, dz)
+    elif family == _SLABS:
+        t_exit, target = _slab_leave(data, node, ox, oy, oz, dx, dy, dz)
+    elif family == _POWER:
+        t_exit, target = _power_leave(data, node, ox, oy, oz, dx, dy, dz)
+    elif family == _BOXES:
+        t_exit, target = _box_leave(data, node, ox, oy, oz, dx, dy, dz)
     if t_exit < t:
         t_exit = t
         here = owner_ahead(family, data, ox + t * dx, oy + t * dy, oz + t * dz, dx, dy, dz)
@@ -89,6 +110,12 @@ def exit_after(family, data, node, ox, oy, oz, dx, dy, dz, t):
         t_exit = _voronoi_leave(data, node, ox, oy, oz, dx, dy, dz)[0]
     elif family == _WEDGES:
         t_exit = _wedge_leave(data, node, ox, oy, oz, dx, dy, dz)[0]
+    elif family == _SLABS:
+        t_exit = _slab_leave(data, node, ox, oy, oz, dx, dy, dz)[0]
+    elif family == _POWER:
+        t_exit = _power_leave(data, node, ox, oy, oz, dx, dy, dz)[0]
+    elif family == _BOXES:
+        t_exit = _box_leave(data, node, ox, oy, oz, dx, dy, dz)[0]
     return max(t_exit, t)
 
 
@@ -98,6 +125,12 @@ def _facets(family, data, node):
         return _voronoi_facets(data, node)
     if family == _WEDGES:
         return _wedge_facets(data, node)
+    if family == _SLABS:
+        return _slab_facets(data, node)
+    if family == _POWER:
+        return _power_facets(data, node)
+    if family == _BOXES:
+        return _box_facets(data, node)
     return 0
 
 
@@ -107,6 +140,12 @@ def _separates(family, data, node, facet, lx, ly, lz, hx, hy, hz, dilation):
         return _voronoi_separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation)
     if family == _WEDGES:
         return _wedge_separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation)
+    if family == _SLABS:
+        return _slab_separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation)
+    if family == _POWER:
+        return _power_separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation)
+    if family == _BOXES:
+        return _box_separates(data, node, facet, lx, ly, lz, hx, hy, hz, dilation)
     return False
 
 
@@ -116,7 +155,7 @@ def _is_apart(family, data, node, lx, ly, lz, hx, hy, hz, dilation):
     count = _facets(family, data, node)
     if count == 0:
         return False
-    # Among Voronoi cells facet k faces node k, and that of the box's own owner is the likeliest to separate.
+    # Among Voronoi and power cells facet k faces node k, and that of the box's own owner is the likeliest to separate.
     middle = owner_at(family, data, 0.5 * (lx + hx), 0.5 * (ly + hy), 0.5 * (lz + hz))
     start = min(middle, count - 1)
     for step in range(count):

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from scenefold.base.errors import LocalFault, PeerFault
 from scenefold.base.limits import POOL_NODES_MAX
-from scenefold.partition import voronoi, wedges
+from scenefold.partition import boxes, power, slabs, voronoi, wedges
 from scenefold.partition.families import RULES, Family
 from scenefold.partition.frame import Frame
 
@@ -54,6 +54,25 @@ class Partition:
         """Sectors around the frame's axis, between N - 1 ascending fractions of a turn (`fit_bounds` gives such)."""
         inner = np.asarray(bounds, np.float64).reshape(-1)
         return cls(epoch, Family.WEDGES, len(inner) + 1, _canonical(wedges.pack(frame, inner)))
+
+    @classmethod
+    def slabs(cls, frame: Frame, bounds: npt.ArrayLike, *, epoch: int = 1) -> Self:
+        """Slices across the frame's axis, between N - 1 depths from its origin, none below the one before it."""
+        inner = np.asarray(bounds, np.float64).reshape(-1)
+        return cls(epoch, Family.SLABS, len(inner) + 1, _canonical(slabs.pack(frame, inner)))
+
+    @classmethod
+    def power(cls, centroids: npt.ArrayLike, weights: npt.ArrayLike, *, epoch: int = 1) -> Self:
+        """Cells of the least squared distance less weight: centroids f64[N, 3], weights f64[N] in squares of the unit."""
+        table, masses = np.asarray(centroids, np.float64).reshape(-1, 3), np.asarray(weights, np.float64).reshape(-1)
+        if len(table) != len(masses):
+            raise LocalFault(f"{len(table)} centroids do not go with {len(masses)} weights")
+        return cls(epoch, Family.POWER, len(table), _canonical(power.pack(table, masses)))
+
+    @classmethod
+    def boxes(cls, cuts: list[boxes.Cut], *, epoch: int = 1) -> Self:
+        """Leaves of a k-d tree of these N - 1 cuts, root first, then its lower side, then its upper side."""
+        return cls(epoch, Family.BOXES, len(cuts) + 1, _canonical(boxes.pack(cuts)))
 
     def to_document(self) -> dict[str, Any]:
         """As plain ints and bytes, to be packed by whoever sends it."""

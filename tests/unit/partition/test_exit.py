@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 
 from scenefold.partition import Partition, camera_frame, even_bounds
+from scenefold.partition.boxes import Cut
 from unit.partition.cells import directions, partitions, points
 
-ORDINARY = ("scattered", "collinear", "coplanar", "wedges")
+ORDINARY = ("scattered", "collinear", "coplanar", "wedges", "slabs", "boxes", "power scattered", "power coplanar")
 
 
 @given(partitions(ORDINARY))
@@ -102,3 +103,15 @@ def test_an_empty_cell_is_left_at_once_for_its_twin():
     partition = Partition.voronoi([[0, 0, 0], [0, 0, 0], [2, 0, 0]])
     t_exit, target = partition.exit([[0, 0, 0]], [[1, 0, 0]], 0.25, 1)
     assert (t_exit.tolist(), target.tolist()) == ([0.25], [0])
+
+
+def test_slabs_boxes_and_power_cells_are_left_through_their_planes():
+    across = Partition.slabs(camera_frame([0, 0, 0], [0, 0, -1], [0, 1, 0]), [1.0, 1.0, 2.0])
+    t_exit, target = across.exit([[0, 0, 0], [0, 0, -4], [0, 0, -1.5]], [[1, 0, -1], [0, 0, 2], [1, 0, 0]], 0.0, [0, 3, 2])
+    assert (t_exit.tolist(), target.tolist()) == ([1.0, 1.0, np.inf], [2, 2, -1])
+    assert across.exit([[0, 0, -1]], [[0, 0, -1]], 0.5, 1)[1].tolist() == [2]
+    crossed = Partition.boxes([Cut(0, 0.0, 2), Cut(1, 0.0, 1), Cut(1, 1.0, 1)])
+    t_exit, target = crossed.exit([[-1, -1, 0], [-1, -2, 0], [2, 2, 0]], [[1, 1, 0], [1, 1, 0], [-1, -1, 1]], 0.0, [0, 0, 3])
+    assert (t_exit.tolist(), target.tolist()) == ([1.0, 1.0, 1.0], [2, 2, 2])
+    lifted = Partition.power([[1, 0, 0], [-1, 0, 0]], [0.0, 2.0])
+    assert [x.tolist() for x in lifted.exit([[-1, 0, 0]], [[1, 0, 0]], 0.0, 1)] == [[1.5], [0]]

@@ -31,7 +31,7 @@ def test_a_node_is_told_of_every_box_that_its_grown_cell_meets(case, dilation, s
         assert mask[partition.owner(near), np.arange(len(low))].all()
 
 
-@given(partitions(("scattered", "coplanar", "grid", "even wedges")))
+@given(partitions(("scattered", "coplanar", "grid", "even wedges", "slabs", "boxes")))
 @settings(max_examples=30)
 def test_hardly_more_than_what_a_cell_meets_is_told(case):
     partition, rng = case
@@ -67,3 +67,10 @@ def test_a_senseless_dilation_is_refused(dilation):
 def test_boxes_inside_out_are_refused():
     with pytest.raises(LocalFault):
         Partition.voronoi([[0, 0, 0]]).overlaps([[0, 2, 0]], [[1, 1, 1]], 0.0)
+
+
+def test_a_node_with_an_empty_cell_need_hold_hardly_anything():
+    hidden = Partition.power([[0, 0, 0], [0, 0, 0], [3, 0, 0]], [0.0, 1.0, 0.0])
+    assert not hidden.overlaps([[-9, -9, -9]], [[9, 9, 9]], 0.1)[0, 0]
+    thin = Partition.slabs(camera_frame([0, 0, 0], [0, 0, -1], [0, 1, 0]), [1.0, 1.0])
+    assert thin.overlaps([[0, 0, -3], [0, 0, -3]], [[1, 1, -2], [1, 1, 0]], 0.1)[1].tolist() == [False, True]

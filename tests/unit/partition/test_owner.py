@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 
 from scenefold.partition import Partition, camera_frame, even_bounds
-from unit.partition.cells import SEEDS, centroids, directions, partitions, points, wedges
+from scenefold.partition.boxes import Cut
+from unit.partition.cells import OTHERS, SEEDS, centroids, cuts, directions, partitions, points, power, slabs, wedges
 
 FRAME = camera_frame([0, 0, 0], [0, 0, -1], [0, 1, 0])
 
@@ -47,7 +48,39 @@ def test_wedge_owner_is_the_span_of_the_angle(seed):
     assert (partition.owner(data[0] + away)[clear] == expected[clear]).all()
 
 
-@given(partitions(("scattered", "collinear", "coplanar", "grid", "pairs", "wedges")))
+@given(SEEDS)
+def test_power_owner_has_the_least_power(seed):
+    rng = np.random.default_rng(seed)
+    partition, places = power("scattered", 20, rng), rng.normal(0, 1, (300, 3))
+    table = partition.kernel_data()
+    powers = ((places[:, None, :] - table[:, :3]) ** 2).sum(axis=2) - table[:, 3]
+    assert (partition.owner(places) == powers.argmin(axis=1)).all()
+    alike = Partition.power(table[:, :3], np.full(20, 0.5))
+    assert (alike.owner(places) == Partition.voronoi(table[:, :3]).owner(places)).all()
+
+
+@given(SEEDS)
+def test_slab_owner_is_the_slice_of_the_depth(seed):
+    rng = np.random.default_rng(seed)
+    partition = slabs(int(rng.integers(1, 128)), rng)
+    data, places = partition.kernel_data(), rng.normal(0, 1, (300, 3))
+    depths, bounds = (places - data[0]) @ data[1], partition.numbers[6:]
+    clear = np.abs(depths[:, None] - bounds).min(axis=1, initial=1.0) > 1e-12
+    assert (partition.owner(places)[clear] == np.searchsorted(bounds, depths)[clear]).all()
+
+
+@given(SEEDS)
+def test_box_owner_is_the_only_box_around_the_point(seed):
+    rng = np.random.default_rng(seed)
+    nodes = int(rng.integers(1, 128))
+    partition, places = Partition.boxes(cuts(nodes, rng)), rng.normal(0, 1, (300, 3))
+    boxes = partition.kernel_data()[:nodes]
+    inside = ((places[:, None] > boxes[:, :3]) & (places[:, None] <= boxes[:, 3:])).all(axis=2)
+    assert (inside.sum(axis=1) == 1).all()
+    assert (partition.owner(places) == inside.argmax(axis=1)).all()
+
+
+@given(partitions(("scattered", "collinear", "coplanar", "grid", "pairs", *OTHERS[:-2])))
 def test_cells_are_convex(case):
     partition, rng = case
     here = points(partition, rng, 400)
@@ -95,3 +128,20 @@ def test_on_a_hull_the_direction_decides_else_the_lowest_node():
     partition = Partition.voronoi([[1, 0, 0], [-1, 0, 0]])
     origins, ways = np.zeros((3, 3)), [[1, 0, 0], [-1, 0, 0], [0, 1, 0]]
     assert partition.owner(origins, ways).tolist() == [0, 1, 0]
+
+
+def test_the_lowest_node_owns_hulls_of_slabs_boxes_and_power_cells():
+    across = Partition.slabs(FRAME, [1.0, 1.0, 2.0])
+    assert across.owner([[0, 0, -1], [5, 5, -2], [0, 0, -1.5], [0, 0, -2.5]]).tolist() == [0, 2, 2, 3]
+    assert across.owner([[0, 0, -1]] * 3, [[0, 0, -1], [0, 0, 1], [1, 0, 0]]).tolist() == [2, 0, 0]
+    crossed = Partition.boxes([Cut(0, 0.0, 2), Cut(1, 0.0, 1), Cut(1, 0.0, 1)])
+    assert crossed.owner([[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0]]).tolist() == [0, 1, 2, 3]
+    assert crossed.owner([[0, 0, 0]] * 3, [[1, 1, 0], [-1, 1, 0], [1, 0, 0]]).tolist() == [3, 1, 2]
+    lifted = Partition.power([[1, 0, 0], [-1, 0, 0]], [0.0, 2.0])
+    assert lifted.owner([[0.5, 7, 0], [0.51, 0, 0], [0.49, 0, 0]]).tolist() == [0, 0, 1]
+    assert lifted.owner([[0.5, 7, 0]] * 2, [[1, 0, 0], [-1, 0, 0]]).tolist() == [0, 1]
+
+
+def test_of_power_cells_on_one_centroid_the_heaviest_owns_all():
+    partition = Partition.power(np.ones((4, 3)), [0.0, 1.0, 1.0, -1.0])
+    assert set(partition.owner(np.random.default_rng(1).normal(0, 9, (99, 3)))) == {1}

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from scenefold.base.errors import LocalFault, PeerFault
 from scenefold.partition import Family, Partition, camera_frame, even_bounds
+from scenefold.partition.boxes import Cut
 from unit.partition.cells import partitions
 
 FRAME = camera_frame([0, 0, 0], [0, 0, -1], [0, 1, 0])
@@ -101,7 +102,7 @@ def test_arrays_of_the_wrong_shape_are_refused():
 
 
 def test_the_families_numbers_stand():
-    assert {family.name: int(family) for family in Family} == {"VORONOI": 1, "WEDGES": 2}
+    assert {family.name: int(family) for family in Family} == {"VORONOI": 1, "WEDGES": 2, "SLABS": 3, "POWER": 4, "BOXES": 5}
 
 
 def test_importing_cells_does_not_import_numba():
@@ -128,3 +129,22 @@ def test_kernels_of_others_call_the_scalar_functions():
 
     four = Partition.wedges(FRAME, even_bounds(4))
     assert walk(np.int32(four.family), four.kernel_data()) == (0, 0, 1.0, 1.0, 3, True)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Partition.slabs(FRAME, [1.0, 0.5]), "descend"),
+        (lambda: Partition(1, Family.SLABS, 1, np.array([0, 0, 0, 1, 1, 0.0]).tobytes()), "unit"),
+        (lambda: Partition.power([[0, 0, 0]], [1.0, 2.0]), "weights"),
+        (lambda: Partition.power([[0, 0, 0]], [np.inf]), "finite"),
+        (lambda: Partition.boxes([Cut(3, 0.0, 1)]), "axis"),
+        (lambda: Partition.boxes([Cut(0, 0.0, 2)]), "each side"),
+        (lambda: Partition.boxes([Cut(0, 0.0, 1), Cut(0, 0.5, 2)]), "each side"),
+        (lambda: Partition.boxes([Cut(0, 0.0, 1), Cut(0, 0.5, 0)]), "each side"),
+        (lambda: Partition.boxes([Cut(0, 0.0, 1), Cut(0, -0.5, 1)]), "outside"),
+    ],
+)
+def test_numbers_that_make_no_cells_are_refused(make, match):
+    with pytest.raises(LocalFault, match=match):
+        make()
