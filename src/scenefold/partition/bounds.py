@@ -59,9 +59,7 @@ def fit_bounds(counts: npt.ArrayLike, nodes: int) -> Floats:
     Where one share would need more than half a turn, its node gets half a turn and the others share the rest
     evenly. Spans are then limited to what a cell may be (`limit_spans`). Without any work: equal spans.
     """
-    tally = np.asarray(counts, np.float64).reshape(-1)
-    if len(tally) == 0 or not (tally >= 0.0).all() or not np.isfinite(tally).all():
-        raise LocalFault("a histogram has at least one bin, and counts that are finite and not negative")
+    tally = checked_counts(counts)
     total = float(tally.sum())
     if total == 0.0:
         return even_bounds(nodes)
@@ -70,6 +68,31 @@ def fit_bounds(counts: npt.ArrayLike, nodes: int) -> Floats:
     if nodes > 2 and bounds[widest + 1] - bounds[widest] > SPAN_MAX:
         bounds = _around_the_widest(tally, bounds, widest)
     return limit_spans(bounds[1:-1])
+
+
+def equal_shares(counts: npt.ArrayLike, nodes: int) -> Floats:
+    """N - 1 inner bounds that give every node the same share of a histogram of [0, 1): the march, without limits."""
+    tally = checked_counts(counts)
+    total = float(tally.sum())
+    return _crossings(tally, even_bounds(nodes) * total) if total > 0.0 else even_bounds(nodes)
+
+
+def shares_between(counts: npt.ArrayLike, bounds: npt.ArrayLike) -> Floats:
+    """Work of a histogram of [0, 1) between each two of ascending bounds, spread evenly within bins: f64[len - 1]."""
+    return np.diff(np.interp(np.asarray(bounds, np.float64), *running_count(checked_counts(counts))))
+
+
+def running_count(tally: Floats) -> tuple[Floats, Floats]:
+    """Edges of the bins in [0, 1], and what lies before each: f64[bins + 1] twice."""
+    return np.arange(len(tally) + 1) / len(tally), np.concatenate([[0.0], np.cumsum(tally)])
+
+
+def checked_counts(counts: npt.ArrayLike) -> Floats:
+    """As f64[bins]; LocalFault if it is no histogram."""
+    tally = np.asarray(counts, np.float64).reshape(-1)
+    if len(tally) == 0 or not (tally >= 0.0).all() or not np.isfinite(tally).all():
+        raise LocalFault("a histogram has at least one bin, and counts that are finite and not negative")
+    return tally
 
 
 def _crossings(tally: Floats, wanted: Sequence[float] | Floats) -> Floats:
@@ -91,7 +114,7 @@ def _around_the_widest(tally: Floats, bounds: Floats, widest: int) -> Floats:
     Half a turn slides along the span that was too wide; what it uncovers on its left falls to the nodes on
     the left, and so on the right. The left ones' share grows with the slide, so bisection finds the balance.
     """
-    edges, running = np.arange(len(tally) + 1) / len(tally), np.concatenate([[0.0], np.cumsum(tally)])
+    edges, running = running_count(tally)
     total = float(running[-1])
     left, right = widest, len(bounds) - 2 - widest
 

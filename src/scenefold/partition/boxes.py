@@ -31,7 +31,7 @@ class _Part(NamedTuple):
     """Of the cut above it in the kernels' table, or -1."""
     side: int
     first: int
-    count: int
+    nodes: int
     box: Floats
     """f64[6]: the low corner, the high corner."""
 
@@ -47,7 +47,7 @@ def fault(values: Floats, nodes: int) -> str:
     if not ((lower >= 1.0) & (lower < nodes) & (lower == np.floor(lower))).all():
         return "a cut has at least one node on each side"
     for part, cut in _cuts(values, nodes):
-        if cut.lower >= part.count:
+        if cut.lower >= part.nodes:
             return "a cut has at least one node on each side"
         if not part.box[cut.axis] <= cut.plane <= part.box[3 + cut.axis]:
             return "a cut lies outside of the box that it parts"
@@ -78,7 +78,7 @@ def pack(cuts: list[Cut]) -> Floats:
 def _halves(part: _Part, cut: Cut) -> tuple[tuple[int, int, Floats], tuple[int, int, Floats]]:
     lower, upper = part.box.copy(), part.box.copy()
     lower[3 + cut.axis] = upper[cut.axis] = cut.plane
-    return (part.first, cut.lower, lower), (part.first + cut.lower, part.count - cut.lower, upper)
+    return (part.first, cut.lower, lower), (part.first + cut.lower, part.nodes - cut.lower, upper)
 
 
 def _cuts(values: Floats, nodes: int) -> Iterator[tuple[_Part, Cut]]:
@@ -87,7 +87,7 @@ def _cuts(values: Floats, nodes: int) -> Iterator[tuple[_Part, Cut]]:
     for number, (axis, plane, lower) in enumerate(values.reshape(-1, 3)):
         part, cut = waiting.pop(), Cut(int(axis), float(plane), int(lower))
         yield part, cut
-        if cut.lower >= part.count:
+        if cut.lower >= part.nodes:
             return
         halves = _halves(part, cut)
         for side in (1, 0):  # the lower one is the next to come out

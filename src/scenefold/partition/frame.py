@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.errors import LocalFault
+from scenefold.partition.turns import cosine_and_sine
 
 Floats = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -48,6 +49,19 @@ def camera_frame(position: npt.ArrayLike, forward: npt.ArrayLike, up: npt.ArrayL
     zero = _across(np.asarray(up, np.float64).reshape(3), axis)
     quarter = np.cross(axis, zero)
     return Frame(_vector(origin), _vector(axis), _vector(zero), _vector(quarter / np.sqrt(quarter @ quarter)))
+
+
+def turned_frame(numbers: Floats, turn: float) -> Floats:
+    """Origin, zero and quarter, f64[9], with the latter two turned about the axis by a fraction of a turn.
+
+    They are made square and of unit length again, so that any number of turns leaves a frame.
+    """
+    cosine, sine = cosine_and_sine(turn % 1.0)
+    zero, quarter = numbers[3:6], numbers[6:9]
+    across = _unit(cosine * zero + sine * quarter, "no frame")
+    beside = cosine * quarter - sine * zero
+    beside = _unit(beside - across * (across @ beside), "no frame")
+    return np.concatenate([numbers[:3], across, beside])
 
 
 def _across(up: Floats, axis: Floats) -> Floats:

@@ -74,6 +74,11 @@ class Partition:
         """Leaves of a k-d tree of these N - 1 cuts, root first, then its lower side, then its upper side."""
         return cls(epoch, Family.BOXES, len(cuts) + 1, _canonical(boxes.pack(cuts)))
 
+    def with_numbers(self, numbers: npt.ArrayLike) -> Self:
+        """This partition with other numbers of its family, in the next epoch; itself if they are the same."""
+        values = _canonical(np.asarray(numbers, np.float64).reshape(-1))
+        return self if values == self.values else type(self)(self.epoch + 1, self.family, self.nodes, values)
+
     def to_document(self) -> dict[str, Any]:
         """As plain ints and bytes, to be packed by whoever sends it."""
         return {"epoch": self.epoch, "family": int(self.family), "nodes": self.nodes, "values": self.values}
