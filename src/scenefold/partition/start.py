@@ -85,13 +85,16 @@ def _centroids(frame: Frame, nodes: int, box: Floats, points: Floats, shares: Co
     points, shares = _thinned(points, shares)
     starts = [radial(box, nodes, frame, fit_bounds(histogram(frame.fractions(points), shares), nodes))]
     if len(points) >= nodes:
-        starts.append(np.array(_halved(points, shares, nodes)))
+        starts.append(np.array(halved(points, shares, nodes)))
     balanced = [_pulled(start, box, points, shares) for start in starts]
     return min(balanced, key=lambda pair: pair[0])[1]
 
 
-def _halved(points: Floats, shares: Counts, nodes: int) -> list[Floats]:
-    """Means of the parts of the sample that come from cutting it across its longest side, for as many nodes."""
+def halved(points: Floats, shares: Counts, nodes: int) -> list[Floats]:
+    """Means of the parts of the sample that come from cutting it across its longest side, for as many nodes.
+
+    At least as many points as nodes; `shares` int64[n].
+    """
     if nodes == 1:
         return [points.mean(axis=0)]
     side = int(np.argmax(points.max(axis=0) - points.min(axis=0)))
@@ -101,7 +104,7 @@ def _halved(points: Floats, shares: Counts, nodes: int) -> list[Floats]:
     cut = int(np.searchsorted(running * nodes, running[-1] * fewer)) + 1
     cut = min(max(cut, fewer), len(order) - (nodes - fewer))
     lower, upper = order[:cut], order[cut:]
-    return _halved(points[lower], shares[lower], fewer) + _halved(points[upper], shares[upper], nodes - fewer)
+    return halved(points[lower], shares[lower], fewer) + halved(points[upper], shares[upper], nodes - fewer)
 
 
 def _pulled(centroids: Floats, box: Floats, points: Floats, shares: Counts) -> tuple[int, Floats]:

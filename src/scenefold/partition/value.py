@@ -79,6 +79,10 @@ class Partition:
         values = _canonical(np.asarray(numbers, np.float64).reshape(-1))
         return self if values == self.values else type(self)(self.epoch + 1, self.family, self.nodes, values)
 
+    def with_epoch(self, epoch: int) -> Self:
+        """The same cells in another epoch."""
+        return type(self)(epoch, self.family, self.nodes, self.values)
+
     def to_document(self) -> dict[str, Any]:
         """As plain ints and bytes, to be packed by whoever sends it."""
         return {"epoch": self.epoch, "family": int(self.family), "nodes": self.nodes, "values": self.values}
