@@ -7,7 +7,7 @@ triangle wears them, emissive ones of lamps on every node. Pure: payloads come i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,9 +56,18 @@ def pair_boxes(tables: SceneTables) -> tuple[I64, I64, F64, F64]:
 
 def share_of(tables: SceneTables, partition: Partition, me: int) -> Share:
     """What node `me` of a partition must hold."""
+    return shares_of(tables, partition, (me,))[0]
+
+
+def shares_of(tables: SceneTables, partition: Partition, nodes: Sequence[int]) -> list[Share]:
+    """What each of these nodes of a partition must hold."""
     instances, groups, low, high = pair_boxes(tables)
     step = diagonal_of(*job_box(tables)) * (_DILATION_STEPS / T_DONE_STEPS + _ROUNDING)
-    mine = partition.overlaps(low, high, step)[me]
+    overlaps = partition.overlaps(low, high, step)
+    return [_share(tables, instances, groups, overlaps[node]) for node in nodes]
+
+
+def _share(tables: SceneTables, instances: I64, groups: I64, mine: npt.NDArray[np.bool_]) -> Share:
     return Share(
         tuple(int(group) for group in np.unique(groups[mine])),
         tuple(int(instance) for instance in np.unique(instances[mine]) if instance != 0),
@@ -185,7 +194,12 @@ def worn_textures(tables: SceneTables, atoms: Mapping[int, Sequence[GeometryAtom
     for group in atoms.values():
         for atom in group:
             used.update(int(material) for material in np.unique(atom.materials))
-    return sorted({use.texture for number in used for _, use in tables.materials[number].uses()})
+    return textures_of_materials(tables, used)
+
+
+def textures_of_materials(tables: SceneTables, materials: Iterable[int]) -> list[int]:
+    """The textures that these materials use, ascending."""
+    return sorted({use.texture for number in materials for _, use in tables.materials[number].uses()})
 
 
 def _normal_matrices(matrices: F64) -> F64:

@@ -15,12 +15,14 @@ import numpy as np
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.partition import make_partition
+from scenefold.partition import Partition, make_partition
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.numbers import camera_numbers, job_box
 from scenefold.render.pool.share import LoadedShare, load_share, read_tables
 from scenefold.render.sealed_keys import NO_KEYS
 from scenefold.scene.importers import plan_import, read_scene
+from scenefold.scene.payloads.cameras import Camera
+from scenefold.scene.tables import SceneTables
 from scenefold.world import Workers
 
 LANE = "render"
@@ -62,9 +64,7 @@ async def one_node_job(
     options.check()
     reader = await workers.run(LANE, RecordsInMemory, file, environment)
     tables = await read_tables(reader, workers)
-    camera = tables.camera(options.camera)
-    if camera is None:
-        raise LocalFault(f"the scene has no camera {options.camera!r}", where=str(file), remedy="choose one that it has")
+    camera = camera_of(tables, options)
     rotation = np.asarray(camera.matrix, np.float64)
     low, high = job_box(tables)
     partition = make_partition(
@@ -77,7 +77,21 @@ async def one_node_job(
         (low + high)[None] * 0.5,
         np.ones(1),
     )
-    job = Job(
+    job = job_of(tables, options, numeric_class, partition)
+    return OneNodeJob(job, await load_share(reader, workers, job, 0))
+
+
+def camera_of(tables: SceneTables, options: RenderOptions) -> Camera:
+    """The camera that is asked for; LocalFault if the scene has none of that name."""
+    camera = tables.camera(options.camera)
+    if camera is None:
+        raise LocalFault(f"the scene has no camera {options.camera!r}", where="camera", remedy="choose one that it has")
+    return camera
+
+
+def job_of(tables: SceneTables, options: RenderOptions, numeric_class: str, partition: Partition) -> Job:
+    """A job whose nodes are all in this process; LocalFault if the scene lacks the camera."""
+    return Job(
         id=1,
         scene=SceneId(1),
         genesis=bytes(32),
@@ -91,8 +105,8 @@ async def one_node_job(
         frame=0,
         depth=options.depth,
         sky=options.sky,
-        camera=camera_numbers(camera, options.width, options.height),
-        nodes=(NodeId(1),),
+        camera=camera_numbers(camera_of(tables, options), options.width, options.height),
+        nodes=tuple(NodeId(index + 1) for index in range(partition.nodes)),
         partition=partition,
         layers=options.layers,
         crop=options.crop,
@@ -101,4 +115,3 @@ async def one_node_job(
         environment_rotation=options.environment_rotation,
         adaptive=options.adaptive,
     )
-    return OneNodeJob(job, await load_share(reader, workers, job, 0))

@@ -16,6 +16,7 @@ from scenefold.render.arrays import F32, F64
 from scenefold.render.contract import HeldScene
 from scenefold.render.renderers.embree.library import Device
 from scenefold.render.renderers.embree.margins import widened_boxes
+from scenefold.render.renderers.embree.tree_memory import TreeMemory
 from scenefold.render.see_through_kernels import is_see_through
 
 _MARGIN_TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]], np.uint32)
@@ -24,11 +25,19 @@ _MARGIN_TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]], np.uint32)
 class HeldGeometry:
     """Embree's trees over the held groups. `close()` frees them; the arrays must live as long as this."""
 
-    def __init__(self, scene: HeldScene) -> None:
-        arrays = scene.arrays
-        self._device = Device()
+    def __init__(self, scene: HeldScene, memory: TreeMemory | None = None) -> None:
+        """`memory`: what the trees may take; NoRoomForTrees if that is too little."""
+        self._device = Device(memory)
         self._top = self._device.new_scene()
         self._prototypes: dict[int, int] = {}
+        try:
+            self._build(scene)
+        except BaseException:
+            self.close()
+            raise
+
+    def _build(self, scene: HeldScene) -> None:
+        arrays = scene.arrays
         self.has_see_through = False
         """Whether any held triangle may let rays pass: else nobody needs to draw numbers for that."""
         see_through_materials = np.array([is_see_through(row) for row in arrays.materials])

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.errors import LocalFault
+from scenefold.render.renderers.embree.tree_memory import MONITOR, NoRoomForTrees, TreeMemory
 
 ISA: Final = "avx2"
 ARITHMETIC: Final = 5
@@ -28,7 +29,8 @@ _GEOMETRY_INSTANCE = 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
 _FORMAT_FLOAT3X4_ROW_MAJOR = 0x9134
-_SCENE_ROBUST = 4
+_SCENE_COMPACT, _SCENE_ROBUST = 2, 4
+_ERROR_OUT_OF_MEMORY = 4
 _PROPERTY_VERSION = 0
 
 _POINTER, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
@@ -37,6 +39,7 @@ _SIGNATURES: Final = {
     "rtcReleaseDevice": (None, [_POINTER]),
     "rtcGetDeviceError": (ctypes.c_int, [_POINTER]),
     "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, ctypes.c_int]),
+    "rtcSetDeviceMemoryMonitorFunction": (None, [_POINTER, MONITOR, _POINTER]),
     "rtcNewScene": (_POINTER, [_POINTER]),
     "rtcReleaseScene": (None, [_POINTER]),
     "rtcSetSceneFlags": (None, [_POINTER, ctypes.c_int]),
@@ -102,7 +105,8 @@ def numeric_class() -> str:
 class Device:
     """One Embree device. Scenes made from it must be released before it is."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory: TreeMemory | None = None) -> None:
+        """`memory`: what its trees may take; they are made compact then. They find the same hits."""
         if not _has_avx2():
             raise LocalFault(
                 "this processor lacks AVX2, so its image would differ in bits from the other nodes'",
@@ -113,17 +117,22 @@ class Device:
         self._device = self._library.rtcNewDevice(f"isa={ISA},threads=1".encode())
         if not self._device:
             raise LocalFault("Embree could not start", where="rtcNewDevice", remedy="check the processor and memory limits")
+        self._memory = memory
+        if memory is not None:
+            self._library.rtcSetDeviceMemoryMonitorFunction(self._device, memory.monitor, None)
 
     def check(self, what: str) -> None:
-        """LocalFault if Embree noted an error since the last call."""
+        """LocalFault if Embree noted an error since the last call, NoRoomForTrees if that is that it may not have more memory."""
         code = int(self._library.rtcGetDeviceError(self._device))
+        if code == _ERROR_OUT_OF_MEMORY and self._memory is not None:
+            raise NoRoomForTrees
         if code:
             raise LocalFault(f"Embree failed with error {code}", where=what, remedy="give the node more memory, or hold less geometry")
 
     def new_scene(self) -> int:
         """An empty scene with conservative ("robust") traversal: no ray slips between two triangles' boxes."""
         scene = self._library.rtcNewScene(self._device)
-        self._library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
+        self._library.rtcSetSceneFlags(scene, _SCENE_ROBUST if self._memory is None else _SCENE_ROBUST | _SCENE_COMPACT)
         return int(scene)
 
     def add_triangles(

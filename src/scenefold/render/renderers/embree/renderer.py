@@ -10,15 +10,16 @@ from scenefold.render.contract import HeldScene, Tracer
 from scenefold.render.renderers.embree import library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
 from scenefold.render.renderers.embree.tracer import EmbreeTracer
+from scenefold.render.renderers.embree.tree_memory import TreeMemory
 from scenefold.render.sum_columns import FULL, SumColumns
 
 
 class EmbreeScene:
     """Trees over what a node holds, and the tracers that share them."""
 
-    def __init__(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> None:
+    def __init__(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int, memory: TreeMemory | None = None) -> None:
         self._held, self._numbers, self._partition, self._me = held, numbers, partition, me
-        self._geometry = HeldGeometry(held)
+        self._geometry = HeldGeometry(held, memory)
 
     def tracers(self, count: int) -> list[Tracer]:
         """See `OpenScene`."""
@@ -43,6 +44,10 @@ class EmbreeRenderer:
     def open(self, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> EmbreeScene:
         """See `Renderer`."""
         return EmbreeScene(held, numbers, partition, me)
+
+    def open_within(self, memory: TreeMemory, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> EmbreeScene:
+        """As `open`, but the trees of all scenes with this `memory` together take no more than it allows: NoRoomForTrees then."""
+        return EmbreeScene(held, numbers, partition, me, memory)
 
     def measure(self, held: HeldScene, numbers: JobNumbers, partition: Partition, repetitions: int, rays_max: int) -> dict[str, Any]:
         """See `MeasuredRenderer`."""

@@ -1,0 +1,83 @@
+"""Into how many cells a scene is cut, so that each one's trees can be built within the budget."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenefold.base.limits import POOL_NODES_MAX
+from scenefold.partition import Partition, make_partition
+from scenefold.render.content import Share, pair_boxes, shares_of
+from scenefold.render.contract import HeldGroup, HeldScene
+from scenefold.render.arrays import SceneArrays
+from scenefold.render.numbers import job_box
+from scenefold.scene.payloads.cameras import Camera
+from scenefold.scene.tables import SceneTables
+
+BYTES_PER_TRIANGLE = 72
+"""While a compact tree is built: 32 of the builder's own, some 34 of the tree, and a little. Measured on terrains of 10^5 and 10^6 triangles."""
+BYTES_PER_GROUP = 2048
+BYTES_PER_INSTANCE = 1024
+BYTES_PER_PROTOTYPE = 16_384
+"""A scene of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """A partition, and what each cell holds of the scene."""
+
+    partition: Partition
+    shares: tuple[Share, ...]
+    peaks: tuple[int, ...]
+    """Bytes that the trees of each cell take while they are built, as estimated."""
+
+    @property
+    def largest(self) -> int:
+        """The largest of these."""
+        return max(self.peaks)
+
+
+def cells_within(tables: SceneTables, camera: Camera, peak: int) -> Cells:
+    """The fewest cells, of 1, 2, 4, …, whose trees take at most `peak` bytes each while they are built; those whose largest is smallest if none do."""
+    best: Cells | None = None
+    count = 1
+    while True:
+        cells = _cells(tables, camera, count)
+        if best is None or cells.largest < best.largest:
+            best = cells
+        if cells.largest <= peak or count == POOL_NODES_MAX:
+            return best
+        count = min(2 * count, POOL_NODES_MAX)
+
+
+def _cells(tables: SceneTables, camera: Camera, count: int) -> Cells:
+    _, groups, low, high = pair_boxes(tables)
+    matrix = np.asarray(camera.matrix, np.float64)
+    box = np.stack(job_box(tables))
+    sizes = tables.groups.triangles[groups].astype(np.float64)
+    partition = make_partition("voronoi", count, box, matrix[:3, 3], -matrix[:3, 2], matrix[:3, 1], (low + high) * 0.5, sizes)
+    shares = tuple(shares_of(tables, partition, range(count)))
+    return Cells(partition, shares, tuple(peak_bytes(tables, share) for share in shares))
+
+
+def peak_bytes(tables: SceneTables, share: Share) -> int:
+    """What the trees over a share take while they are built, as estimated."""
+    groups = np.array(share.groups, np.int64)
+    prototypes = np.unique(tables.groups.prototypes[groups])
+    triangles = int(tables.groups.triangles[groups].sum(dtype=np.int64))
+    return (
+        BYTES_PER_TRIANGLE * triangles
+        + BYTES_PER_GROUP * len(groups)
+        + BYTES_PER_PROTOTYPE * len(prototypes)
+        + BYTES_PER_INSTANCE * len(share.instances)
+    )
+
+
+def held_of(tables: SceneTables, arrays: SceneArrays, share: Share) -> HeldScene:
+    """A share as a renderer takes it, over the arrays of the whole scene."""
+    return HeldScene(
+        arrays,
+        tuple(HeldGroup(group, int(tables.groups.prototypes[group]), int(tables.groups.triangles[group])) for group in share.groups),
+        tuple((instance, int(tables.instances.prototypes[instance])) for instance in share.instances),
+    )
