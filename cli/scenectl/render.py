@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,6 +11,7 @@ from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
 from scenectl.image_values import USUAL_LAYERS, CropOption, LayersOption
+from scenectl.memory_values import MemoryOption
 from scenectl.moment_values import FpsOption, FrameOption, TimeOption, check_of_a_file, moment_of
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
@@ -65,6 +67,7 @@ def still(
     view: Literal["agx", "filmic", "srgb"] = "agx",
     ignore_settings: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     resume: Path | None = None,
+    memory: MemoryOption | None = None,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     scene: SceneOption | None = None,
@@ -79,6 +82,8 @@ def still(
     Example: scenectl render still kitchen.glb --nodes 5 --samples 64 --size 640x360 -o kitchen.exr
 
     Example: scenectl render still --scene kitchen --profile studio -o kitchen.exr
+
+    Example: scenectl render still city.glb --memory 512MiB --threads 4 -o city.exr
 
     Example: scenectl render still fox.glb --frame 12 --animation Run -o fox.0012.exr
 
@@ -146,8 +151,10 @@ def still(
         Take all that is not given here as usual, whatever the scene says.
     resume
         File in which what is rendered is kept once in a while; the same command with it goes on from there after an interruption. It is removed once the image is written.
+    memory
+        Memory that the render of a file may take, as 512MiB, beside 300 MiB for the program itself: what of the scene does not fit lies in files in the folder for temporary files. No cluster is started then; the image is the same.
     threads
-        Threads that each node renders with, when no profile is given.
+        Threads that each node renders with, when no profile is given; with --memory, that this process renders with.
     ports
         Ports of the cluster that is started, LOW,HIGH; by default 17349,17350.
     scene
@@ -221,10 +228,31 @@ def still(
         view=view,
         resume=resume,
     )
+    if memory is not None:
+        check_alone(file, output.profile, {"--nodes": nodes, "--ports": ports, "--resume": resume})
+        from scenectl.still_within import make_within
+
+        with Progress(quiet=output.json) as progress:
+            report = run(make_within, memory.bytes, job, progress)
+        emit(output, report, report_text(report))
+        return
     again = nullcontext() if output.profile is None else going_on("render again")
     with again, Progress(quiet=output.json) as progress:
         report = run(make_still, job, progress)
     emit(output, report, report_text(report))
+
+
+def check_alone(file: Path | None, profile: str | None, given: Mapping[str, object]) -> None:
+    """UsageFault for what cannot be beside --memory: it is for files, and this process alone."""
+    from scenefold.base.errors import UsageFault
+
+    where = "scenectl render still"
+    if file is None or profile is not None:
+        what = "--memory is for a file that this process renders alone"
+        raise UsageFault(what, where=where, remedy="leave it out, or name a file, and no profile")
+    for option, value in given.items():
+        if value is not None:
+            raise UsageFault(f"{option} does not go with --memory", where=where, remedy="leave out one of them")
 
 
 def scene_name_of(file: Path | None) -> str:

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from scenefold.client import Cluster, ImportReport, PreparedImport
     from scenefold.client.progress import ProgressCallback
     from scenefold.render.choice import LeftOut, Renderers
-    from scenefold.render.client import StillOptions, StillResult
-    from scenefold.render.view import Shown
+    from scenefold.render.client import StillOptions
+    from scenefold.render.job import RenderOptions
+    from scenefold.render.layers import Pixels
     from scenefold.scene.importers import Moment
 
 ADDRESSES_SHOWN = 8
@@ -117,10 +118,10 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
 
         with phases.time("render"):
             result = await render_still(
-                cluster, scene, job.options, _render_progress(progress), tell=partial(_tell_left_out, job), resume=job.resume
+                cluster, scene, job.options, render_progress(progress), tell=partial(_tell_left_out, job), resume=job.resume
             )
         with phases.time("write"):
-            written = await _write(cluster, job, result)
+            written = await cluster.in_worker("import", write_image, job, result.options, result.layers, result.exposure)
             if job.resume is not None:
                 job.resume.unlink(missing_ok=True)
         nodes = [node.address for node in await cluster.nodes()]
@@ -141,7 +142,7 @@ def report_text(report: dict[str, Any]) -> str:
     """The report as a short table for people."""
     lines = [f"{report['exr']} and {report['png']} are written."]
     for key, label in (
-        ("nodes", "nodes"),
+        *((("nodes", "nodes"),) if report["nodes"] else ()),
         ("passes", "passes"),
         ("samples_per_pixel", "samples per pixel"),
         ("paths_per_second", "paths/s"),
@@ -153,8 +154,12 @@ def report_text(report: dict[str, Any]) -> str:
     ):
         if report.get(key) is not None:
             lines.append(f"  {label + ':':<28}{_value_text(key, report[key])}")
-        if key == "nodes":
+        if key == "nodes" and report["render_nodes"]:
             lines.append(f"  {'nodes that rendered:':<28}{len(report['render_nodes'])}")
+    memory = report.get("memory")
+    if memory is not None:
+        lines.append(f"  {'memory budget:':<28}{size_text(memory['budget'])}, {size_text(memory['trees_most'])} in trees at most")
+        lines.append(f"  {'parts of the scene:':<28}{memory['cells']}, built {memory['trees_built']} times")
     seconds = ", ".join(f"{phase} {value:.1f}" for phase, value in report["seconds"].items())
     lines.append(f"  {'seconds:':<28}{seconds}")
     lines += [f"  not carried over: {missing}" for missing in (report.get("import") or {}).get("not_carried", [])]
@@ -206,22 +211,17 @@ async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
     phases.seconds["stop"] = round(time.monotonic() - stopping, 3)
 
 
-async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[str, Any]:
-    """Write the files; what the report says of them."""
+def write_image(job: StillJob, options: RenderOptions, layers: dict[str, Pixels], exposure: float | None) -> dict[str, Any]:
+    """Write the files; what the report says of them. In a worker."""
     from scenefold.render.image_files import image_sha256, write_exr, write_png
 
-    sha256 = image_sha256(result.layers["beauty"])
-    options = result.options
+    sha256 = image_sha256(layers["beauty"])
     said = {name: value for name, value in asdict(options.sampling).items() if value is not None}
     if options.lens is not None:
         said |= asdict(options.lens)
     metadata = {"scenefold.scene": job.scene_name, "scenefold.image_sha256": sha256, **{f"scenefold.{name}": said[name] for name in said}}
-
-    def write() -> Shown:
-        write_exr(job.exr, result.layers, metadata, options.crop, (options.width, options.height))
-        return write_png(job.png, result.layers["beauty"], result.exposure, job.view)
-
-    shown = await cluster.in_worker("import", write)
+    write_exr(job.exr, layers, metadata, options.crop, (options.width, options.height))
+    shown = write_png(job.png, layers["beauty"], exposure, job.view)
     return {
         "image_sha256": sha256,
         "exr": str(job.exr),
@@ -230,7 +230,7 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[s
         "lens": None if options.lens is None else options.lens.row(),
         **asdict(options.sampling),
         "environment_rotation": options.environment_rotation,
-        "layers": list(result.layers),
+        "layers": list(layers),
         "png": str(job.png),
         "view": job.view,
         "exposure": shown.exposure,
@@ -238,7 +238,8 @@ async def _write(cluster: Cluster, job: StillJob, result: StillResult) -> dict[s
     }
 
 
-def _render_progress(progress: ProgressCallback) -> Callable[[str, int, int], None]:
+def render_progress(progress: ProgressCallback) -> Callable[[str, int, int], None]:
+    """A render's progress as that of a command."""
     from scenefold.client import ProgressState
 
     units = {"prepare": "scene", "render": "passes", "fetch": "bytes"}

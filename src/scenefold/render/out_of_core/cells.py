@@ -8,9 +8,9 @@ import numpy as np
 
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import Partition, make_partition
+from scenefold.render.arrays import SceneArrays
 from scenefold.render.content import Share, pair_boxes, shares_of
 from scenefold.render.contract import HeldGroup, HeldScene
-from scenefold.render.arrays import SceneArrays
 from scenefold.render.numbers import job_box
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.tables import SceneTables

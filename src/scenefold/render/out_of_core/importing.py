@@ -33,12 +33,12 @@ async def import_apart(file: Path, spill: Spill, moment: Moment | None = None, e
     """Import a scene file in another process; LocalFault says what is wrong with the file."""
     records = spill.file()
     asked = {
-        "file": str(file.absolute()),
+        "file": str(file),
         "folder": str(spill.folder),
         "descriptor": records.number,
         "time_s": None if moment is None else moment.time_s,
         "animation": None if moment is None else moment.animation,
-        "environment": None if environment is None else str(environment.absolute()),
+        "environment": None if environment is None else str(environment),
     }
     command = [sys.executable, "-m", __spec__.name, json.dumps(asked)]
     done = await trio.run_process(command, capture_stdout=True, check=False, pass_fds=(records.number,))

@@ -142,7 +142,7 @@ def file_system_of(folder: Path) -> str:
         mounts = Path("/proc/self/mountinfo").read_text().splitlines()
     except OSError:
         return ""
-    device = os.stat(folder).st_dev if folder.is_dir() else -1
+    device = folder.stat().st_dev if folder.is_dir() else -1
     wanted = f"{os.major(device)}:{os.minor(device)}" if device >= 0 else ""
     for line in mounts:
         before, _, behind = line.partition(" - ")

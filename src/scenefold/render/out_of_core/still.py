@@ -30,7 +30,7 @@ from scenefold.render.renderers.embree.library import numeric_class
 from scenefold.render.renderers.embree.tree_memory import TreeMemory
 from scenefold.scene.importers import Moment
 from scenefold.scene.tables import SceneTables
-from scenefold.world import Workers, offline_world
+from scenefold.world import offline_world
 
 MIB = 1 << 20
 THREAD_BYTES = 24 * MIB

@@ -35,5 +35,5 @@ class TreeMemory:
             return True
 
 
-class NoRoomForTrees(Exception):  # noqa: N818  an answer, and no fault: who asked makes room and asks again
+class NoRoomForTrees(Exception):
     """The trees that were to be built would take more than the limit."""
