@@ -8,7 +8,7 @@ from collections.abc import Collection
 from scenefold.base.errors import LocalFault
 from scenefold.render.arrays import JobNumbers, SceneArrays
 from scenefold.render.contract import OpenScene
-from scenefold.render.out_of_core.cells import Cells, held_of
+from scenefold.render.out_of_core.cells import BUILT_SHARE, Cells, held_of
 from scenefold.render.out_of_core.spill import will_need
 from scenefold.render.renderers.embree.renderer import EmbreeRenderer
 from scenefold.render.renderers.embree.tree_memory import NoRoomForTrees, TreeMemory
@@ -44,7 +44,7 @@ class Pager:
 
     def fits_beside(self, cell: int, kept: Collection[int]) -> bool:
         """Whether its trees can be built, as far as can be told, when all but the `kept` cells go."""
-        kept_bytes = sum(self._cells.peaks[other] // 2 for other in self._open if other in kept)
+        kept_bytes = sum(int(BUILT_SHARE * self._cells.peaks[other]) for other in self._open if other in kept)
         return kept_bytes + self._cells.peaks[cell] <= self.memory.limit
 
     def open(self, cell: int, kept: Collection[int]) -> bool:

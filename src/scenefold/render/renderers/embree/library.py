@@ -29,7 +29,7 @@ _GEOMETRY_INSTANCE = 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
 _FORMAT_FLOAT3X4_ROW_MAJOR = 0x9134
-_SCENE_COMPACT, _SCENE_ROBUST = 2, 4
+_SCENE_ROBUST = 4
 _ERROR_OUT_OF_MEMORY = 4
 _PROPERTY_VERSION = 0
 
@@ -106,7 +106,7 @@ class Device:
     """One Embree device. Scenes made from it must be released before it is."""
 
     def __init__(self, memory: TreeMemory | None = None) -> None:
-        """`memory`: what its trees may take; they are made compact then. They find the same hits."""
+        """`memory`: what its trees may take."""
         if not _has_avx2():
             raise LocalFault(
                 "this processor lacks AVX2, so its image would differ in bits from the other nodes'",
@@ -132,7 +132,7 @@ class Device:
     def new_scene(self) -> int:
         """An empty scene with conservative ("robust") traversal: no ray slips between two triangles' boxes."""
         scene = self._library.rtcNewScene(self._device)
-        self._library.rtcSetSceneFlags(scene, _SCENE_ROBUST if self._memory is None else _SCENE_ROBUST | _SCENE_COMPACT)
+        self._library.rtcSetSceneFlags(scene, _SCENE_ROBUST)
         return int(scene)
 
     def add_triangles(
