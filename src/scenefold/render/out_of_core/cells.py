@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenefold.base.limits import POOL_NODES_MAX
-from scenefold.partition import Partition, make_partition
-from scenefold.render.arrays import SceneArrays
+from scenefold.partition import Partition
+from scenefold.render.arrays import F64, SceneArrays
 from scenefold.render.content import Share, pair_boxes, shares_of
 from scenefold.render.contract import HeldGroup, HeldScene
-from scenefold.render.numbers import job_box
-from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.tables import SceneTables
 
 BYTES_PER_TRIANGLE = 108
@@ -40,27 +38,40 @@ class Cells:
         return max(self.peaks)
 
 
-def cells_within(tables: SceneTables, camera: Camera, peak: int) -> Cells:
+def cells_within(tables: SceneTables, peak: int) -> Cells:
     """The fewest cells, of 1, 2, 4, …, whose trees take at most `peak` bytes each while they are built; those whose largest is smallest if none do."""
+    _, groups, low, high = pair_boxes(tables)
+    centres, sizes = (low + high) * 0.5, tables.groups.triangles[groups].astype(np.float64)
+    most = min(POOL_NODES_MAX, len(centres))
     best: Cells | None = None
     count = 1
     while True:
-        cells = _cells(tables, camera, count)
+        cells = _cells(tables, Partition.voronoi(halved(centres, sizes, count)))
         if best is None or cells.largest < best.largest:
             best = cells
-        if cells.largest <= peak or count == POOL_NODES_MAX:
+        if cells.largest <= peak or count == most:
             return best
-        count = min(2 * count, POOL_NODES_MAX)
+        count = min(2 * count, most)
 
 
-def _cells(tables: SceneTables, camera: Camera, count: int) -> Cells:
-    _, groups, low, high = pair_boxes(tables)
-    matrix = np.asarray(camera.matrix, np.float64)
-    box = np.stack(job_box(tables))
-    sizes = tables.groups.triangles[groups].astype(np.float64)
-    partition = make_partition("voronoi", count, box, matrix[:3, 3], -matrix[:3, 2], matrix[:3, 1], (low + high) * 0.5, sizes)
-    shares = tuple(shares_of(tables, partition, range(count)))
+def _cells(tables: SceneTables, partition: Partition) -> Cells:
+    shares = tuple(shares_of(tables, partition, range(partition.nodes)))
     return Cells(partition, shares, tuple(peak_bytes(tables, share) for share in shares))
+
+
+def halved(points: F64, weights: F64, count: int) -> F64:
+    """Centroids f64[count, 3] of cells that are about as heavy as each other, and compact: means of what is left when the points f64[n, 3], at least `count`, are cut
+    across the longest side, again and again."""
+    if count == 1:
+        return points.mean(axis=0)[None]
+    side = int(np.argmax(points.max(axis=0) - points.min(axis=0)))
+    order = np.argsort(points[:, side], kind="stable")
+    fewer = count // 2
+    running = np.cumsum(weights[order])
+    cut = int(np.searchsorted(running * count, running[-1] * fewer)) + 1
+    cut = min(max(cut, fewer), len(order) - (count - fewer))
+    lower, upper = order[:cut], order[cut:]
+    return np.concatenate([halved(points[lower], weights[lower], fewer), halved(points[upper], weights[upper], count - fewer)])
 
 
 def peak_bytes(tables: SceneTables, share: Share) -> int:

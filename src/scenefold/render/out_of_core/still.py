@@ -111,9 +111,9 @@ async def render_within(asked: OutOfCore, options: RenderOptions, progress: Prog
 def _plan(tables: SceneTables, options: RenderOptions, asked: OutOfCore) -> tuple[Cells, TreeMemory]:
     """Cells whose trees can be built in what the budget leaves for trees; LocalFault if there are none."""
     beside = beside_trees(tables, options, asked.threads)
-    camera = camera_of(tables, options)
+    camera_of(tables, options)
     limit = asked.memory - beside
-    cells = cells_within(tables, camera, max(limit, 0) // 2)
+    cells = cells_within(tables, max(limit, 0) // 2)
     if cells.largest > limit:
         least = -(-(cells.largest + beside) // MIB)
         raise LocalFault(
