@@ -45,10 +45,10 @@ class SpillFile:
 
     def append(self, data: bytes | npt.NDArray[Any]) -> None:
         """Behind what is there; LocalFault where the disk is full."""
-        data = data if isinstance(data, bytes) else np.ascontiguousarray(data)
-        view = memoryview(data).cast("B") if len(data) else memoryview(b"")
-        self.write_at(self.size, view)
-        self.size += len(view)
+        if len(data):
+            view = memoryview(data if isinstance(data, bytes) else np.ascontiguousarray(data).data).cast("B")
+            self.write_at(self.size, view)
+            self.size += len(view)
 
     def write_at(self, offset: int, data: memoryview) -> None:
         """All of it, at a place; LocalFault where the disk is full."""
