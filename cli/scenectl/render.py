@@ -58,6 +58,7 @@ def still(
     roulette_from: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     clamp_direct: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
     clamp_indirect: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
+    mips: bool = True,
     frame: FrameOption = None,
     fps: FpsOption = None,
     time: TimeOption = None,
@@ -133,6 +134,8 @@ def still(
         Most that one contribution of direct light may be, as the mean of red, green and blue; against fireflies, at the cost of light.
     clamp_indirect
         The same of light that was reflected more than once; 10 is a usual value.
+    mips
+        Read far textures from coarser levels, as their file says; --no-mips reads only the finest.
     frame
         Frame of a file with animations, from 0 on; without --frame and --time it is shown at rest.
     fps
@@ -203,6 +206,7 @@ def still(
         roulette_from=roulette_from,
         clamp_direct=clamp_direct,
         clamp_indirect=clamp_indirect,
+        mips=mips,
         layers=layers.names,
         scale=scale,
         crop=None if crop is None else Window(*crop.numbers),

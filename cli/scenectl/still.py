@@ -230,6 +230,7 @@ def write_image(job: StillJob, options: RenderOptions, layers: dict[str, Pixels]
         "lens": None if options.lens is None else options.lens.row(),
         **asdict(options.sampling),
         "environment_rotation": options.environment_rotation,
+        "mips": options.mips,
         "layers": list(layers),
         "png": str(job.png),
         "view": job.view,

@@ -101,18 +101,22 @@ class TextureUseColumn:
     M10 = 8
     M11 = 9
     M12 = 10
-    WIDTH = 11
+    MINIFY = 11
+    """A number of `Minify` (payloads/texture_uses.py)."""
+    WIDTH = 12
 
 
 class TextureColumn:
     """Columns of `SceneArrays.textures`, int64[textures, WIDTH]."""
 
     OFFSET = 0
-    """Of the texture's first byte in `texels`; RGBA8, rows from the top."""
+    """Of the texture's first byte in `texels`; RGBA8, rows from the top. Its coarser levels follow, each half as wide and high."""
     WIDTH_PX = 1
     HEIGHT_PX = 2
     SRGB = 3
-    WIDTH = 4
+    LEVELS = 4
+    """How many there are, the image itself being the first."""
+    WIDTH = 5
 
 
 class LightColumn:
@@ -247,3 +251,8 @@ class JobNumbers(NamedTuple):
     environment_cosine: float
     """Of the angle by which the map is turned about +Y, counter-clockwise seen from above."""
     environment_sine: float
+    footprint: float = 0.0
+    """Squared width of what a path of a pixel stands for: at distance 1 in the middle of the image (perspective), or anywhere in world
+    units (orthographic). 0: textures are read at their finest level (footprint_kernels.py)."""
+    footprint_cosine: float = 1.0
+    """Of the angle between the camera's forward and the corner of its image."""

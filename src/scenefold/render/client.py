@@ -92,6 +92,8 @@ class StillOptions:
     """Expected error, relative to its brightness, at which a pixel has enough samples; usually all have all."""
     min_samples: int | None = None
     """How many every pixel has before; with `adaptive` only."""
+    mips: bool = True
+    """Whether far textures are read from their coarser levels."""
     ignore_settings: bool = False
     """All that is None is as usual, whatever the scene's log says."""
 
@@ -119,6 +121,7 @@ class StillOptions:
             sampling=self._sampling(said.paths),
             environment_rotation=_first(self.environment_rotation, said.paths.environment_rotation, usual.environment_rotation),
             adaptive=adaptive_of(self.adaptive, self.min_samples) or adaptive_of(said.paths.adaptive, said.paths.min_samples),
+            mips=self.mips,
         )
         options.check()
         return options

@@ -114,4 +114,5 @@ def job_of(tables: SceneTables, options: RenderOptions, numeric_class: str, part
         sampling=options.sampling,
         environment_rotation=options.environment_rotation,
         adaptive=options.adaptive,
+        mips=options.mips,
     )

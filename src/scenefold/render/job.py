@@ -62,6 +62,8 @@ class RenderOptions:
     """Degrees by which the scene's environment map is turned about +Y, counter-clockwise seen from above."""
     adaptive: Adaptive | None = None
     """When a pixel has fewer samples; None: never."""
+    mips: bool = True
+    """Whether far textures are read from their coarser levels, as their samplers say; else only the finest ever is."""
 
     @property
     def window(self) -> Window:
@@ -153,6 +155,7 @@ class Job:
     sampling: Sampling = USUAL_SAMPLING
     environment_rotation: float = 0.0
     adaptive: Adaptive | None = None
+    mips: bool = True
     keeps: bool = False
     """Whether its films are kept, so that the nodes tell a digest of what they hold."""
 
@@ -197,6 +200,7 @@ class Job:
                 "sampling": self.sampling.row(),
                 "environment_rotation": float(self.environment_rotation),
                 "adaptive": None if self.adaptive is None else self.adaptive.row(),
+                "mips": self.mips,
                 "keeps": self.keeps,
             }
         )
@@ -237,6 +241,7 @@ class Job:
             sampling=Sampling.of_row(document.get("sampling")),
             environment_rotation=number(document.get("environment_rotation", 0.0)),
             adaptive=Adaptive.of_row(document["adaptive"]),
+            mips=flag(document.get("mips", True)),
             keeps=flag(document["keeps"]),
         )
         if job.lens is not None:

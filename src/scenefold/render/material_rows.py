@@ -73,7 +73,7 @@ def material_rows(tables: SceneTables) -> tuple[F64, F64]:
             row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] = row[MaterialColumn.EMISSIVE : MaterialColumn.EMISSIVE + 3] = 0.0
     uses = np.zeros((max(len(numbers), 1), TextureUseColumn.WIDTH))
     for use, number in numbers.items():
-        uses[number] = (use.texture, use.wrap_s, use.wrap_t, use.nearest, use.uv_set, *use.transform)
+        uses[number] = (use.texture, use.wrap_s, use.wrap_t, use.nearest, use.uv_set, *use.transform, use.minify)
     return rows, uses
 
 

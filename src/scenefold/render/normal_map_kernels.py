@@ -21,7 +21,7 @@ _HIDDEN = 1e-4
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _sides(scene, uvs, i0, i1, i2):  # type: ignore[no-untyped-def]
+def sides(scene, uvs, i0, i1, i2):  # type: ignore[no-untyped-def]
     """What coordinates gain along two sides of a triangle: du1, dv1, du2, dv2."""
     u0, v0 = gather(uvs, (i0, 0)), gather(uvs, (i0, 1))
     return gather(uvs, (i1, 0)) - u0, gather(uvs, (i1, 1)) - v0, gather(uvs, (i2, 0)) - u0, gather(uvs, (i2, 1)) - v0
@@ -43,10 +43,10 @@ def _tangent(scene, use, triangle, u, v):  # type: ignore[no-untyped-def]
     """(tangent in the prototype's space, of any length; sign of the bitangent, against normal x tangent)."""
     i0, i1, i2 = gather(scene.triangles, (triangle, 0)), gather(scene.triangles, (triangle, 1)), gather(scene.triangles, (triangle, 2))
     uses = scene.texture_uses
-    du1, dv1, du2, dv2 = _sides(scene, scene.uvs, i0, i1, i2)
+    du1, dv1, du2, dv2 = sides(scene, scene.uvs, i0, i1, i2)
     if scene.has_uvs2:
         second = gather(uses, (use, _UV_SET)) != 0.0
-        eu1, ev1, eu2, ev2 = _sides(scene, scene.uvs2, i0, i1, i2)
+        eu1, ev1, eu2, ev2 = sides(scene, scene.uvs2, i0, i1, i2)
         du1, dv1, du2, dv2 = select(second, eu1, du1), select(second, ev1, dv1), select(second, eu2, du2), select(second, ev2, dv2)
     m00, m01, m10, m11 = gather(uses, (use, _M00)), gather(uses, (use, _M01)), gather(uses, (use, _M10)), gather(uses, (use, _M11))
     du1, dv1, du2, dv2 = m00 * du1 + m01 * dv1, m10 * du1 + m11 * dv1, m00 * du2 + m01 * dv2, m10 * du2 + m11 * dv2
@@ -70,7 +70,7 @@ def _tangent(scene, use, triangle, u, v):  # type: ignore[no-untyped-def]
 def _tilted(scene, material, triangle, instance, u, v, places, nx, ny, nz, scratch, use_column, scale_column):  # type: ignore[no-untyped-def]
     """The unit normal (world) that the texture of a column makes of the unit shading normal n; n where there is no texture.
 
-    places: both sets of coordinates; n looks to where corners are seen counter-clockwise. A texel is a vector of the frame
+    places: as in `texture_of`; n looks to where corners are seen counter-clockwise. A texel is a vector of the frame
     (tangent, bitangent, n).
     """
     named = gather(scene.materials, (material, use_column))

@@ -17,12 +17,15 @@ from scenefold.render.math_kernels import PI
 from scenefold.render.precise_kernels import sine_cosine
 from scenefold.render.setup_kernels import emitter_power
 from scenefold.scene.payloads.cameras import Camera
+from scenefold.scene.payloads.texture_uses import Minify
 from scenefold.scene.tables import SceneTables
 
 _BOX_MARGIN = 1e-4
 """Of the box's diagonal: shadow rays that end at a far face pass everything before it."""
 _CHOSEN_EVENLY = 0.5
 """Share of the choices among punctual lights that does not look at their power."""
+_LEAST_SHARE = 1.0 / 64.0
+"""Of a pixel's area, of which a path stands for as much as there are paths for: at 64 of them the texture is an eighth of a pixel sharp."""
 _SAMPLERS = {"sobol": SAMPLER_SOBOL, "independent": SAMPLER_INDEPENDENT}
 _KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
 
@@ -133,7 +136,18 @@ def job_numbers(job: Job, tables: SceneTables) -> JobNumbers:
         has_environment=has_environment,
         environment_cosine=cosine,
         environment_sine=sine,
+        **_footprint(job, tables),
     )
+
+
+def _footprint(job: Job, tables: SceneTables) -> dict[str, float]:
+    """`JobNumbers.footprint` and `footprint_cosine`: nothing if no texture has levels to be read, or the job wants none."""
+    if not job.mips or not any(use.minify is not Minify.FINEST for material in tables.materials for _, use in material.uses()):
+        return {}
+    half_width, half_height, kind = job.camera[12:15]
+    pixel = 2.0 * half_height / job.height
+    cosine = 1.0 / math.sqrt(1.0 + half_width * half_width + half_height * half_height) if kind == 0.0 else 1.0
+    return {"footprint": pixel * pixel * max(_LEAST_SHARE, 1.0 / job.samples), "footprint_cosine": cosine}
 
 
 def _limit(clamp: float | None) -> float:

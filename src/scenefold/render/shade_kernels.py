@@ -18,6 +18,7 @@ from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_POINT_SHADOW, KIN
 from scenefold.render.arrays import Feature, MaterialColumn
 from scenefold.render.clamp_kernels import clamped
 from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
+from scenefold.render.footprint_kernels import footprints_at
 from scenefold.render.generate_kernels import depth_of
 from scenefold.render.hit_kernels import Hit
 from scenefold.render.lane_values_kernels import (
@@ -194,9 +195,11 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     u, v = gather(hit_uv, (at, 0)), gather(hit_uv, (at, 1))
     px, py, pz, gx, gy, gz, sx, sy, sz, tu, tv = surface_at(scene, triangle, instance, u, v)
     reach = reach_at(scene, triangle, instance)
-    places = coordinates_at(scene, triangle, u, v, tu, tv)
     rows = scene.materials
     material = gather(scene.triangle_material, (triangle,))
+    tu, tv, tu2, tv2 = coordinates_at(scene, triangle, u, v, tu, tv)
+    covered, covered2 = footprints_at(scene, job, material, triangle, instance, px, py, pz)
+    places = (tu, tv, tu2, tv2, covered, covered2)
     looks = material_at(scene, material, triangle, u, v, places, scratch)
     base_r, base_g, base_b, metallic, alpha, reflection, transmission, features, coat_strength, _ = looks
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)

@@ -14,7 +14,7 @@ from scenefold.render.ggx_albedo import ALPHA_MIN
 from scenefold.render.lane_values_kernels import alike, any_lane, gather, put, select, take, whole_of_real
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.space_kernels import longest_side
-from scenefold.render.texture_kernels import sample_use
+from scenefold.render.texture_kernels import sample_use_over
 
 _BASE, _METALLIC, _ROUGHNESS = MaterialColumn.BASE, MaterialColumn.METALLIC, MaterialColumn.ROUGHNESS
 _BASE_USE, _MR_USE = MaterialColumn.BASE_USE, MaterialColumn.METALLIC_ROUGHNESS_USE
@@ -152,7 +152,8 @@ def _vertex_color(scene, triangle, u, v):  # type: ignore[no-untyped-def]
 def texture_of(scene, material, column, places, scratch):  # type: ignore[no-untyped-def]
     """Linear red, green, blue and alpha of the texture use that a column of the materials names; 1 where there is none.
 
-    places: both sets of coordinates, four lanes. Lane by lane: almost all that it does is to look up texels.
+    places: both sets of coordinates and the squared footprints in both, four lanes. Lane by lane: almost all that it does is to look up
+    texels.
     """
     return texture_of_uses(scene, gather(scene.materials, (material, column)), places, scratch)
 
@@ -169,11 +170,16 @@ def texture_of_uses(scene, uses, places, scratch):  # type: ignore[no-untyped-de
     put(reals, 2 * LANES, places[1])
     put(reals, 3 * LANES, places[2])
     put(reals, 4 * LANES, places[3])
+    put(reals, 9 * LANES, places[4])
+    put(reals, 10 * LANES, places[5])
     for k in range(LANES):
         use = int(reals[k])
         r = g = b = a = 1.0
         if use >= 0:
-            r, g, b, a = sample_use(scene, use, reals[LANES + k], reals[2 * LANES + k], reals[3 * LANES + k], reals[4 * LANES + k])
+            r, g, b, a = sample_use_over(
+                scene, use, reals[LANES + k], reals[2 * LANES + k], reals[3 * LANES + k], reals[4 * LANES + k],
+                reals[9 * LANES + k], reals[10 * LANES + k],
+            )  # fmt: skip
         reals[5 * LANES + k], reals[6 * LANES + k], reals[7 * LANES + k] = np.float32(r), np.float32(g), np.float32(b)
         reals[8 * LANES + k] = np.float32(a)
     return take(reals, 5 * LANES), take(reals, 6 * LANES), take(reals, 7 * LANES), take(reals, 8 * LANES)
@@ -181,7 +187,7 @@ def texture_of_uses(scene, uses, places, scratch):  # type: ignore[no-untyped-de
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def material_at(scene, material, triangle, u, v, places, scratch):  # type: ignore[no-untyped-def]
-    """The `Surface` at barycentric (u, v) of a triangle, with textures and vertex colours applied; places: of `coordinates_at`."""
+    """The `Surface` at barycentric (u, v) of a triangle, with textures and vertex colours applied; places: as in `texture_of`."""
     rows = scene.materials
     tr, tg, tb, _ = texture_of(scene, material, _BASE_USE, places, scratch)
     r, g, b = gather(rows, (material, _BASE)) * tr, gather(rows, (material, _BASE + 1)) * tg, gather(rows, (material, _BASE + 2)) * tb

@@ -45,6 +45,7 @@ JOB = Job(
     lens=Lens(0.1, 2.5),
     sampling=Sampling("independent", 5, None, 10.0),
     environment_rotation=-12.5,
+    mips=False,
     adaptive=Adaptive(0.1, 8),
     keeps=True,
     head=SceneHead(2**64 - 1, bytes(range(32))),
@@ -60,7 +61,7 @@ def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True}
 """What older documents do not have, and what it is then."""
 
 

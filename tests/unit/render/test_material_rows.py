@@ -49,7 +49,7 @@ def test_each_slot_names_its_use_and_alike_ones_are_one() -> None:
     one_each = Material(**{f"{slot}_texture": TextureUse(at) for at, slot in enumerate(TEXTURE_SLOTS)})  # type: ignore[arg-type]
     rows, uses = rows_of(Material(base_color_texture=shared, normal_texture=shared), one_each)
     assert rows[0, MaterialColumn.BASE_USE] == rows[0, MaterialColumn.NORMAL_USE] == 0
-    assert uses[0].tolist() == [7, 1, 2, 1, 1, *MOVED]
+    assert uses[0].tolist() == [7, 1, 2, 1, 1, *MOVED, 4]
     named = [uses[int(rows[1, USE_COLUMNS[slot]]), TextureUseColumn.TEXTURE] for slot in TEXTURE_SLOTS]
     assert named == list(range(len(TEXTURE_SLOTS))) and len(uses) == len(TEXTURE_SLOTS) + 1
 

@@ -35,6 +35,7 @@ REQUEST = RenderRequest(
         lens=Lens(0.1, 2.5),
         sampling=Sampling("independent", 5, 2.0),
         environment_rotation=-12.5,
+        mips=False,
         adaptive=Adaptive(0.05),
     ),
     SceneHead(5, bytes(32), 4),
@@ -69,7 +70,7 @@ def test_a_request_round_trips() -> None:
     assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True}
 """What older clients do not send, and what it is then."""
 
 

@@ -117,6 +117,7 @@ class Rig:
             lens=asked.lens,
             sampling=asked.sampling,
             environment_rotation=asked.environment_rotation,
+            mips=asked.mips,
         )
 
     def held(self, partition: Partition, me: int) -> HeldScene:

@@ -288,6 +288,7 @@ class Organiser:
             sampling=options.sampling,
             environment_rotation=options.environment_rotation,
             adaptive=options.adaptive,
+            mips=options.mips,
             keeps=self._keep is not None,
         )
 

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from scenefold.base.errors import PeerFault
 from scenefold.base.ids import NodeId, SceneId
-from scenefold.base.plain_values import exactly, number, text, whole
+from scenefold.base.plain_values import exactly, flag, number, text, whole
 from scenefold.render.job import HASH_BYTES, RenderOptions, layers_of_row
 from scenefold.render.lens import Lens
 from scenefold.render.levels import Adaptive
@@ -95,6 +95,7 @@ class RenderRequest:
                 sampling=Sampling.of_row(document.get("sampling")),
                 environment_rotation=number(document.get("environment_rotation", 0.0)),
                 adaptive=Adaptive.of_row(document["adaptive"]),
+                mips=flag(document.get("mips", True)),
             )
             request = cls(
                 job,
@@ -130,6 +131,7 @@ def options_document(options: RenderOptions) -> dict[str, Value]:
         "sampling": options.sampling.row(),
         "environment_rotation": float(options.environment_rotation),
         "adaptive": None if options.adaptive is None else options.adaptive.row(),
+        "mips": options.mips,
     }
 
 

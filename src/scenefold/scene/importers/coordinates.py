@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefold.scene.payloads.materials import TEXTURE_SLOTS, Material
-from scenefold.scene.payloads.texture_uses import IDENTITY, UV_SETS, TextureUse, Transform, Wrap
+from scenefold.scene.payloads.texture_uses import IDENTITY, UV_SETS, Minify, TextureUse, Transform, Wrap
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,7 @@ class Reading:
     wrap_t: Wrap = Wrap.REPEAT
     nearest: bool = False
     transform: Transform = IDENTITY
+    minify: Minify = Minify.LINEAR_BETWEEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ def settle(readings: Mapping[str, Reading]) -> tuple[tuple[CoordinateSet, ...], 
         if reading.uv_set in numbers:
             place = numbers.index(reading.uv_set)
             transform = IDENTITY if reading.transform == sets[place].transform else reading.transform
-            uses[slot] = TextureUse(reading.texture, place, reading.wrap_s, reading.wrap_t, reading.nearest, transform)
+            uses[slot] = TextureUse(reading.texture, place, reading.wrap_s, reading.wrap_t, reading.nearest, transform, reading.minify)
     return tuple(sets), uses
 
 

@@ -10,10 +10,18 @@ from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.images import EncodedImage, TextureList
 from scenefold.scene.importers.source import NotCarried
-from scenefold.scene.payloads.texture_uses import IDENTITY, TRANSFORM_MAX, Transform, Wrap
+from scenefold.scene.payloads.texture_uses import IDENTITY, TRANSFORM_MAX, Minify, Transform, Wrap
 
 _WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
-_NEAREST, _LINEAR = 9728, 9729
+_NEAREST, _LINEAR, _TRILINEAR = 9728, 9729, 9987
+_MINIFY = {
+    _NEAREST: Minify.FINEST,
+    _LINEAR: Minify.FINEST,
+    9984: Minify.NEAREST_OF_NEAREST,
+    9985: Minify.LINEAR_OF_NEAREST,
+    9986: Minify.NEAREST_BETWEEN,
+    _TRILINEAR: Minify.LINEAR_BETWEEN,
+}
 _SETS_MAX = 16
 _NAME_LETTERS_MAX = 40
 
@@ -40,8 +48,8 @@ class GltfTextures:
         if extension is not None:
             uv_set = extension.integer("texCoord", 0, _SETS_MAX, default=uv_set)
             transform = _transform(extension)
-        wrap_s, wrap_t, nearest = self._sampler(info)
-        return Reading(self.list.add(found[0], found[1], srgb=srgb), uv_set, wrap_s, wrap_t, nearest, transform)
+        wrap_s, wrap_t, nearest, minify = self._sampler(info)
+        return Reading(self.list.add(found[0], found[1], srgb=srgb), uv_set, wrap_s, wrap_t, nearest, transform, minify)
 
     def mean(self, texture: int) -> tuple[float, float, float]:
         """The mean colour of a texture of the list, in linear light."""
@@ -73,17 +81,20 @@ class GltfTextures:
             content = bytes(self._file.view(view)[0])
         return number, EncodedImage(self._file.path, f"the texture {name[:_NAME_LETTERS_MAX]!r}", name, content)
 
-    def _sampler(self, info: JsonMap) -> tuple[Wrap, Wrap, bool]:
+    def _sampler(self, info: JsonMap) -> tuple[Wrap, Wrap, bool, Minify]:
         entry = self._entry(info)
         number = entry.index("sampler", len(self._samplers), "sampler") if entry else -1
         if number < 0:
-            return Wrap.REPEAT, Wrap.REPEAT, False
+            return Wrap.REPEAT, Wrap.REPEAT, False, Minify.LINEAR_BETWEEN
         sampler = self._samplers[number]
         modes = [sampler.integer(key, default=10497) for key in ("wrapS", "wrapT")]
         for key, mode in zip(("wrapS", "wrapT"), modes, strict=True):
             if mode not in _WRAPS:
                 raise sampler.fault(f"is the unknown {mode}", key)
-        return _WRAPS[modes[0]], _WRAPS[modes[1]], sampler.integer("magFilter", default=_LINEAR) == _NEAREST
+        minify = sampler.integer("minFilter", default=_TRILINEAR)
+        if minify not in _MINIFY:
+            raise sampler.fault(f"is the unknown {minify}", "minFilter")
+        return _WRAPS[modes[0]], _WRAPS[modes[1]], sampler.integer("magFilter", default=_LINEAR) == _NEAREST, _MINIFY[minify]
 
 
 def _transform(extension: JsonMap) -> Transform:

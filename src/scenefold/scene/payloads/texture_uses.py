@@ -2,10 +2,11 @@
 
 A use stands in a page of materials (materials.py) as the list
 
-    [texture, uv set, wrap s, wrap t, nearest, m00, m01, m02, m10, m11, m12]
+    [texture, uv set, wrap s, wrap t, nearest, m00, m01, m02, m10, m11, m12, minify]
 
 Coordinates are those of the vertices, v running down from the image's first row. The transform is applied to them where the
 texture is read: u' = m00 u + m01 v + m02, v' = m10 u + m11 v + m12. Floats without a unit; one is a whole image.
+The last entry is left out where it is the usual one, as all pages once had it.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ TEXTURES_MAX = 2**31
 TRANSFORM_MAX = 1e9
 """Of a transform's numbers: beyond it, nothing of a coordinate is left."""
 _LENGTH = 11
+"""Without the minification."""
 
 
 class Wrap(IntEnum):
@@ -33,6 +35,21 @@ class Wrap(IntEnum):
     REPEAT = 0
     CLAMP = 1
     MIRROR = 2
+
+
+class Minify(IntEnum):
+    """How a texture is read where its texels are smaller than the pixels (glTF's minFilter): from which levels, and how within them."""
+
+    FINEST = 0
+    """The image itself, read as where it is magnified."""
+    NEAREST_OF_NEAREST = 1
+    """The nearest texel of the nearest level."""
+    LINEAR_OF_NEAREST = 2
+    """Between four texels of the nearest level."""
+    NEAREST_BETWEEN = 3
+    """Between the nearest texels of two levels."""
+    LINEAR_BETWEEN = 4
+    """Between four texels of each of two levels: trilinear."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,20 +63,25 @@ class TextureUse:
     nearest: bool = False
     transform: Transform = IDENTITY
     """Row by row."""
+    minify: Minify = Minify.LINEAR_BETWEEN
 
     def row(self) -> list[Any]:
         """Plain values, as a page has them."""
         place = [self.texture, self.uv_set, int(self.wrap_s), int(self.wrap_t), self.nearest]
-        return [*place, *(float(value) for value in self.transform)]
+        last = [] if self.minify is Minify.LINEAR_BETWEEN else [int(self.minify)]
+        return [*place, *(float(value) for value in self.transform), *last]
 
 
 def use_of_row(fields: Fields, key: str) -> TextureUse:
     """The use that a page has under this key; DamagedData if it is none."""
-    row = fields.sequence(key, _LENGTH)
-    fields.require(len(row) == _LENGTH, f"has an odd {key!r}")
+    row = fields.sequence(key, _LENGTH + 1)
+    fields.require(len(row) in (_LENGTH, _LENGTH + 1), f"has an odd {key!r}")
+    minify = row[_LENGTH] if len(row) > _LENGTH else int(Minify.LINEAR_BETWEEN)
+    row = row[:_LENGTH]
     bounds = (TEXTURES_MAX, UV_SETS - 1, len(Wrap) - 1, len(Wrap) - 1)
     whole = all(type(value) is int and 0 <= value <= high for value, high in zip(row, bounds, strict=False))
     moves = all(type(value) is float and math.isfinite(value) and abs(value) <= TRANSFORM_MAX for value in row[5:])
-    fields.require(whole and type(row[4]) is bool and moves, f"has an odd {key!r}")
+    levels = type(minify) is int and 0 <= minify < len(Minify)
+    fields.require(whole and type(row[4]) is bool and moves and levels, f"has an odd {key!r}")
     m00, m01, m02, m10, m11, m12 = row[5:]
-    return TextureUse(row[0], row[1], Wrap(row[2]), Wrap(row[3]), row[4], (m00, m01, m02, m10, m11, m12))
+    return TextureUse(row[0], row[1], Wrap(row[2]), Wrap(row[3]), row[4], (m00, m01, m02, m10, m11, m12), Minify(minify))
