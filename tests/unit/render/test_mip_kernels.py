@@ -11,6 +11,8 @@ import pytest
 
 from scenefold.render.mip_kernels import fill_level, level_sizes, level_tables
 from scenefold.render.setup_kernels import linear_of_srgb
+from scenefold.scene.payloads.texture_uses import Minify
+from unit.render.mip_probe_kernels import level_samples
 
 Image = npt.NDArray[np.uint8]
 LINEAR = linear_of_srgb()
@@ -99,3 +101,37 @@ def test_levels_have_these_bytes() -> None:
         for coded, by_alpha in ((False, False), (True, False), (False, True), (True, True))
     ]
     assert told == GOLDEN
+
+
+STEPS = [255, 200, 150, 100]
+"""Levels of 8 x 5, 4 x 2, 2 x 1 and 1 x 1, each of one grey."""
+SIZES = level_sizes(8, 5)
+TEXELS = np.concatenate([even(grey, grey, grey, 255, h, w).ravel() for grey, (w, h) in zip(STEPS, SIZES, strict=True)])
+ROW = np.array([[0, 8, 5, 0, len(SIZES)]], np.int64)
+WIDTHS = np.array([1.0001, 1.4, 1.45, 1.5, 2.0, 3.0, 4.0, 5.0, 8.0, 9.0, 1e30, np.inf])
+
+
+@pytest.mark.parametrize("minify", list(Minify)[1:])
+def test_the_level_follows_the_width_of_the_footprint(minify: Minify) -> None:
+    places = RANDOM.random((len(WIDTHS), 2))
+    got = level_samples(ROW, TEXELS, LINEAR, places, WIDTHS * WIDTHS, int(minify))[:, 0] * 255
+    level = np.minimum(np.log2(np.minimum(WIDTHS, 1e9)), 3.0)
+    whole = np.minimum(np.floor(level), 2).astype(int)
+    if minify in (Minify.NEAREST_OF_NEAREST, Minify.LINEAR_OF_NEAREST):
+        wanted = np.array(STEPS)[np.round(level).astype(int)]
+    else:
+        part = np.minimum(WIDTHS, 8.0) / 2.0**whole - 1.0
+        wanted = np.array(STEPS)[whole] * (1 - part) + np.array(STEPS)[whole + 1] * part
+    assert np.abs(got - wanted).max() < 1e-9
+
+
+def test_a_level_is_read_between_its_texels_or_at_the_nearest() -> None:
+    image = RANDOM.integers(0, 256, (2, 2, 4), np.uint8)
+    texels = np.concatenate([even(0, 0, 0, 0, 4, 4).ravel(), image.ravel(), np.zeros(4, np.uint8)])
+    row = np.array([[0, 4, 4, 0, 3]], np.int64)
+    places = np.array([[0.3, 0.3], [0.5, 0.25]])
+    two = np.array([4.0, 4.0])
+    nearest = level_samples(row, texels, LINEAR, places, two, int(Minify.NEAREST_OF_NEAREST)) * 255
+    between = level_samples(row, texels, LINEAR, places, two, int(Minify.LINEAR_OF_NEAREST)) * 255
+    assert np.abs(nearest - [image[0, 0], image[0, 1]]).max() < 1e-9
+    assert np.abs(between[1] - (image[0, 0].astype(float) + image[0, 1]) / 2).max() < 1e-9
