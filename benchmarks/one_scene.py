@@ -54,12 +54,12 @@ def scene_arguments(about: str | None, size: str, samples: int) -> argparse.Argu
 
 
 def asked_of(options: argparse.Namespace, *, seed: int = 1, layers: tuple[str, ...] = USUAL) -> RenderOptions:
-    """What these arguments ask for."""
+    """What these arguments ask for, with textures read from their finest level alone, as other renderers do."""
     width, height = (int(side) for side in options.size.split("x"))
     red, green, blue = (float(channel) for channel in options.sky.split(","))
     return RenderOptions(
         width=width, height=height, samples=options.samples, seed=seed, depth=options.depth, sky=(red, green, blue), camera=options.camera,
-        layers=layers,
+        layers=layers, mips=False,
     )  # fmt: skip
 
 
