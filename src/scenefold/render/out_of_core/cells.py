@@ -63,7 +63,8 @@ def halved(points: F64, weights: F64, count: int) -> F64:
     """Centroids f64[count, 3] of cells that are about as heavy as each other, and compact: means of what is left when the points f64[n, 3], at least `count`, are cut
     across the longest side, again and again."""
     if count == 1:
-        return points.mean(axis=0)[None]
+        mean: F64 = points.mean(axis=0)[None]
+        return mean
     side = int(np.argmax(points.max(axis=0) - points.min(axis=0)))
     order = np.argsort(points[:, side], kind="stable")
     fewer = count // 2

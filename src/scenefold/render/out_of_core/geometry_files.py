@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -68,13 +69,15 @@ class _GeometryFiles:
 
     def arrays(self) -> SceneArrays:
         """All arrays but those of textures, which are as of a scene that holds none."""
-        vertices = {name: self._files[name].mapped(np.float32, (self._vertex, width)) for name, width in self._widths.items()}
+        columns: dict[str, Any] = {
+            name: self._files[name].mapped(np.float32, (self._vertex, width)) for name, width in self._widths.items()
+        }
+        columns |= {f"has_{name}": has for name, has in self._has.items()}
         return scene_arrays(self._tables, {}, {})._replace(
-            **vertices,
             triangles=self._corners.mapped(np.uint32, (self._triangle, 3)),
             triangle_material=self._materials.mapped(np.uint16, (self._triangle,)),
             group_first=self._group_first,
-            **{f"has_{name}": has for name, has in self._has.items()},
+            **columns,
         )
 
     def _append(self, atom: GeometryAtom) -> None:

@@ -81,7 +81,7 @@ class Tracing:
             last = self._plan.passes_until(level)
             while done < last:
                 wave = range(done, min(done + self._at_once, last))
-                await self._wave(wave, lambda closed, before=done: progress(before + closed, self._plan.count))
+                await self._wave(wave, progress)
                 done = wave.stop
             if self._job.adaptive is not None and done < self._plan.count:
                 film, before, noise = self.film, self._goes_on, self._job.adaptive.noise
@@ -95,12 +95,12 @@ class Tracing:
             size = self._plan.size(number)
             self._sums[number] = PassSums(self._radiance[slot, :size], self._aovs[slot, :size], np.zeros(COUNTERS, np.int64))
         await self._make_camera_rays(wave)
-        closed = await self._close()
-        progress(closed, len(wave))
+        closed = wave[0] + await self._close()
+        progress(closed, self._plan.count)
         while self._left:
             await self._step()
             closed += await self._close()
-            progress(closed, len(wave))
+            progress(closed, self._plan.count)
 
     async def _make_camera_rays(self, wave: Sequence[int]) -> None:
         scene = await self._workers.run(LANE, self._pager.camera_scene)
@@ -198,7 +198,7 @@ class Tracing:
                 nursery.start_soon(go_on, tracer)
 
     async def _close(self) -> int:
-        """Passes none of whose rays is left go to the film; how many have so far, of this wave."""
+        """Passes none of whose rays is left go to the film; how many did."""
         ended = [number for number, left in self._left.items() if left == 0]
         for number in ended:
             del self._left[number]

@@ -31,7 +31,7 @@ class WaitingRays:
         """uint32[n, 9] of pass `number`; LocalFault where the disk is full."""
         with self._lock:
             first, self._ends[cell] = self._ends[cell], self._ends[cell] + len(rays)
-        self._files[cell].write_at(first * RAY_BYTES, memoryview(np.ascontiguousarray(rays)).cast("B"))
+        self._files[cell].write_at(first * RAY_BYTES, memoryview(np.ascontiguousarray(rays).data).cast("B"))
         with self._lock:
             self._places[cell].setdefault(number, []).append((first, len(rays)))
             self.counts[cell] += len(rays)
