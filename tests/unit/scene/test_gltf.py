@@ -16,6 +16,7 @@ import pytest
 from scenefold.base.errors import LocalFault
 from scenefold.scene.importers import plan_import, read_scene
 from scenefold.scene.payloads.materials import AlphaMode, TextureUse, Wrap
+from scenefold.scene.payloads.texture_uses import Minify
 from unit.scene.gltf_maker import TRIANGLE, Maker, png
 
 
@@ -292,3 +293,35 @@ def test_what_is_no_regular_file(tmp_path: Path) -> None:
     for name in ("pipe.glb", "text.docx", "lost.glb", ".", "a\0b.glb"):
         with pytest.raises(LocalFault):
             read_scene(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("min_filter", "minify"),
+    [
+        ({}, Minify.LINEAR_BETWEEN),
+        ({"minFilter": 9728}, Minify.FINEST),
+        ({"minFilter": 9729}, Minify.FINEST),
+        ({"minFilter": 9984}, Minify.NEAREST_OF_NEAREST),
+        ({"minFilter": 9985}, Minify.LINEAR_OF_NEAREST),
+        ({"minFilter": 9986}, Minify.NEAREST_BETWEEN),
+        ({"minFilter": 9987}, Minify.LINEAR_BETWEEN),
+    ],
+)
+def test_levels_are_read_as_the_sampler_says(maker: Maker, tmp_path: Path, min_filter: dict[str, int], minify: Minify) -> None:
+    use = far_use(maker, tmp_path, **min_filter)
+    assert use is not None and use.minify is minify
+
+
+def test_a_filter_that_there_is_not_is_refused(maker: Maker, tmp_path: Path) -> None:
+    with pytest.raises(LocalFault, match="unknown 9730"):
+        far_use(maker, tmp_path, minFilter=9730)
+
+
+def far_use(maker: Maker, folder: Path, **sampler: int) -> TextureUse | None:
+    (folder / "wood.png").write_bytes(png((188, 188, 188, 255)))
+    maker.add("images", uri="wood.png")
+    maker.add("samplers", **sampler)
+    maker.add("textures", source=0, sampler=0)
+    maker.add("materials", pbrMetallicRoughness={"baseColorTexture": {"index": 0}})
+    maker.node(mesh=maker.mesh(material=0, attributes={"TEXCOORD_0": np.zeros((3, 2), "<f4")}))
+    return read_scene(maker.write(folder)).materials[0].base_color_texture

@@ -20,6 +20,7 @@ from scenefold.scene.payloads.materials import (
     decode_materials,
     encode_materials,
 )
+from scenefold.scene.payloads.texture_uses import Minify
 from scenefold.scene.payloads.values import decode_page, encode_page, encode_pages
 from scenefold.wire import pack_value, unpack_value
 
@@ -121,6 +122,9 @@ def test_a_page_of_version_1_is_read() -> None:
         {"name": "m", "normal_texture": [0, 0, 3, 0, False, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]},
         {"name": "m", "normal_texture": [0, 0, 0, 0, 1, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]},
         {"name": "m", "normal_texture": [0, 0, 0, 0, False, 1.0, 0.0, 1e10, 0.0, 1.0, 0.0]},
+        {"name": "m", "normal_texture": [0, 0, 0, 0, False, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5]},
+        {"name": "m", "normal_texture": [0, 0, 0, 0, False, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 4.0]},
+        {"name": "m", "normal_texture": [0, 0, 0, 0, False, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 4, 4]},
         {"name": "m", "normal_texture": [0, 0]},
     ],
 )
@@ -151,3 +155,12 @@ def test_what_alpha_may_hide_is_no_sampled_light(mode: AlphaMode) -> None:
     assert Material(emissive=shining, alpha_mode=mode).is_sampled_light
     assert not Material(emissive=shining, alpha_mode=mode, vertex_alpha=True).is_sampled_light
     assert not Material(emissive=shining, alpha_mode=mode, base_color_texture=TextureUse(0)).is_sampled_light
+
+
+@pytest.mark.parametrize("minify", list(Minify))
+def test_how_a_texture_is_minified_is_kept_and_the_usual_way_left_out(minify: Minify) -> None:
+    worn = Material(name="worn", base_color_texture=TextureUse(1, minify=minify))
+    (page,) = encode_materials([worn])
+    (item,) = unpack_value(page, what="a page")["items"]
+    assert len(item["base_color_texture"]) == (11 if minify is Minify.LINEAR_BETWEEN else 12)
+    assert decode_materials(page) == (0, [worn])
