@@ -9,23 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.rays import T_DONE_STEPS
 from scenefold.partition import Partition
-from scenefold.render.arrays import F32, F64, I64, U8, MaterialColumn, SceneArrays, TextureColumn
+from scenefold.render.arrays import F32, F64, I64, U8, MaterialColumn, SceneArrays
 from scenefold.render.environment_kernels import fill_tables
 from scenefold.render.material_rows import material_rows
-from scenefold.render.mip_kernels import fill_level, level_sizes, level_tables
 from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
 from scenefold.render.setup_kernels import linear_of_srgb
+from scenefold.render.texture_levels import fill_levels, levels_of, texture_rows
 from scenefold.scene.payloads.geometry import HAS_COLORS, HAS_TANGENTS, HAS_UVS2, GeometryAtom
 from scenefold.scene.payloads.light_table import NO_MATERIAL
-from scenefold.scene.payloads.materials import AlphaMode
-from scenefold.scene.payloads.texture_uses import Minify
 from scenefold.scene.payloads.tiles import TextureTile
 from scenefold.scene.tables import SceneTables, instance_groups
 
@@ -220,43 +217,13 @@ def _normal_matrices(matrices: F64) -> F64:
 
 
 def _textures(tables: SceneTables, tiles: Mapping[int, Sequence[TextureTile]]) -> tuple[I64, U8]:
-    """`SceneArrays.textures` and `texels`: the held images, each with its coarser levels behind it if any use reads them."""
-    rows = np.zeros((len(tables.textures), TextureColumn.WIDTH), np.int64)
-    rows[:, TextureColumn.OFFSET] = -1
-    minified = {use.texture for material in tables.materials for _, use in material.uses() if use.minify is not Minify.FINEST}
-    shapes = {}
+    """`SceneArrays.textures` and `texels` of the held images."""
+    rows, size_bytes = texture_rows(tables, sorted(tiles))
+    texels: npt.NDArray[np.uint8] = np.zeros(size_bytes, np.uint8)
     for number in sorted(tiles):
-        sizes = level_sizes(tables.textures[number].width, tables.textures[number].height)
-        shapes[number] = sizes if number in minified else sizes[:1]
-    texels: npt.NDArray[np.uint8] = np.zeros(sum(w * h * 4 for sizes in shapes.values() for w, h in sizes), np.uint8)
-    offset = 0
-    for number, sizes in shapes.items():
-        texture = tables.textures[number]
-        rows[number] = offset, texture.width, texture.height, int(texture.srgb), len(sizes)
-        levels = []
-        for width, height in sizes:
-            end = offset + width * height * 4
-            levels.append(texels[offset:end].reshape(height, width, 4))
-            offset = end
+        levels = levels_of(tables, number, rows, texels)
         for tile in tiles[number]:
-            left, upper, right, lower = texture.tile_box(tile.tile)
+            left, upper, right, lower = tables.textures[number].tile_box(tile.tile)
             levels[0][upper:lower, left:right] = tile.pixels
-        _fill_levels(levels, texture.srgb, _hides(tables, number))
+        fill_levels(tables, number, levels)
     return rows, texels
-
-
-def _fill_levels(levels: Sequence[U8], srgb: bool, by_alpha: bool) -> None:
-    """Make each level of the one before it."""
-    values, codes = level_tables(linear_of_srgb(), srgb)
-    for finer, coarser in pairwise(levels):
-        fill_level(finer, coarser, values, codes, by_alpha)
-
-
-def _hides(tables: SceneTables, texture: int) -> bool:
-    """Whether alpha of this texture says how much is seen of its colours; of all else its alpha is a number, or nothing."""
-    return any(
-        material.alpha_mode != AlphaMode.OPAQUE
-        and material.base_color_texture is not None
-        and material.base_color_texture.texture == texture
-        for material in tables.materials
-    )

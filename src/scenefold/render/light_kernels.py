@@ -190,7 +190,7 @@ def _sample_emitter(scene, job, alias, u, v, px, py, pz, scratch):  # type: igno
         mapped = uses >= 0.0
         if any_lane(mapped):
             tu, tv = _coordinates_at(scene, index, b0, b1, b2)
-            tr, tg, tb, _ = texture_of_uses(scene, uses, (tu, tv, tu, tv), scratch)
+            tr, tg, tb, _ = texture_of_uses(scene, uses, (tu, tv, tu, tv, alike(0.0, tu), alike(0.0, tu)), scratch)
             emissive = scene.emitter_emissive
             r = select(mapped, tr * gather(emissive, (index, 0)), r)
             g = select(mapped, tg * gather(emissive, (index, 1)), g)

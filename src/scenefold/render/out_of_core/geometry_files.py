@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.errors import DamagedData
-from scenefold.render.arrays import I64, U8, SceneArrays, TextureColumn
+from scenefold.render.arrays import I64, U8, SceneArrays
 from scenefold.render.content import scene_arrays, textures_of_materials
 from scenefold.render.out_of_core.spill import Spill
 from scenefold.render.pool.share import LANE, SceneReader
+from scenefold.render.texture_levels import fill_levels, levels_of, texture_rows
 from scenefold.scene.layout import GEOMETRY, TEXTURES
 from scenefold.scene.payloads.geometry import HAS_COLORS, HAS_TANGENTS, HAS_UVS2, GeometryAtom
 from scenefold.scene.payloads.tiles import decode_tile
@@ -31,12 +32,14 @@ async def arrays_on_disk(tables: SceneTables, reader: SceneReader, workers: Work
         payloads = await reader.get_many(GEOMETRY, [place for group in groups for place in tables.groups.locations(group)])
         await workers.run(LANE, files.append, groups, payloads)
     textures = textures_of_materials(tables, np.flatnonzero(files.worn).tolist())
-    rows, texels = _room_for_texels(tables, textures, spill)
+    rows, size_bytes = texture_rows(tables, textures)
+    texels: npt.NDArray[np.uint8] = spill.zeros(np.uint8, (size_bytes,))
     for number in textures:
         tiles = tables.textures[number].tiles
         for first in range(0, len(tiles), _TILES_AT_A_TIME):
             payloads = await reader.get_many(TEXTURES, tiles[first : first + _TILES_AT_A_TIME])
             await workers.run(LANE, _fill, tables, number, first, payloads, rows, texels)
+        await workers.run(LANE, fill_levels, tables, number, levels_of(tables, number, rows, texels))
     return files.arrays()._replace(textures=rows, texels=texels)
 
 
@@ -98,22 +101,9 @@ class _GeometryFiles:
         self._triangle += len(atom.triangles)
 
 
-def _room_for_texels(tables: SceneTables, textures: Iterable[int], spill: Spill) -> tuple[I64, U8]:
-    rows = np.zeros((len(tables.textures), TextureColumn.WIDTH), np.int64)
-    rows[:, TextureColumn.OFFSET] = -1
-    offset = 0
-    for number in textures:
-        texture = tables.textures[number]
-        rows[number] = offset, texture.width, texture.height, int(texture.srgb)
-        offset += texture.width * texture.height * 4
-    texels: npt.NDArray[np.uint8] = spill.zeros(np.uint8, (offset,))
-    return rows, texels
-
-
 def _fill(tables: SceneTables, number: int, first: int, payloads: Sequence[bytes | None], rows: I64, texels: U8) -> None:
     texture = tables.textures[number]
-    offset = int(rows[number, TextureColumn.OFFSET])
-    image = texels[offset : offset + texture.width * texture.height * 4].reshape(texture.height, texture.width, 4)
+    image = levels_of(tables, number, rows, texels)[0]
     for index, payload in enumerate(payloads, first):
         if payload is None:
             raise DamagedData(f"tile {index} of texture {number} is missing")
