@@ -15,11 +15,13 @@ import trio
 from integration.cut_networks import FIRST_ADDRESS, CutNetwork, cut_network
 from integration.log_disks import check_one_history
 from integration.scenectl_process import Done, environment
-from scenefold.node.local import local_cluster
+from scenefold.node.local import LocalCluster, local_cluster
 
 NODES, FEW = 5, 2
 TESTS = Path(__file__).resolve().parents[1]
 LIMIT_S = 60.0
+CAUGHT_UP_S_MAX = 120.0
+"""For all nodes to have what a majority decided: each asks one of the others every 8 to 12 s, who may lack it as well."""
 PAYLOAD = b"a place that both sides can read"
 
 pytestmark = pytest.mark.slow
@@ -47,13 +49,20 @@ class Desk:
     async def makes(self, space: str) -> Done:
         return await self.scenectl("space", "create", space, "--scene", "stage", "--dimensions", "3")
 
+    async def waits_for_all(self, nodes: LocalCluster, genesis: str, position: int) -> None:
+        """Until each node has itself decided the log up to there, as nobody is sure to have but a majority."""
+        words = (str(nodes.profile), genesis, str(position), *nodes.addresses)
+        command = self._network.on(self._address, sys.executable, "-m", "integration.log_positions", *words)
+        with trio.fail_after(CAUGHT_UP_S_MAX):
+            await trio.run_process(command, env=environment(self._profile))
+
     async def spaces(self) -> set[str]:
         return {space["name"] for space in (await self.json("space", "list", "--scene", "stage"))["spaces"]}
 
 
 @pytest.mark.timeout(600)
 async def test_a_network_cut_in_two_has_one_history(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(TESTS))
+    monkeypatch.setenv("PYTHONPATH", str(TESTS), prepend=os.pathsep)
     with cut_network(NODES, monkeypatch) as network:
         running = local_cluster(NODES, tmp_path, first_address=FIRST_ADDRESS, module="integration.apart_node", trust=True)
         async with running as nodes:
@@ -103,6 +112,7 @@ async def test_a_network_cut_in_two_has_one_history(tmp_path: Path, monkeypatch:
             # What is refused never comes; of what nobody knows it is in the log once, or not at all.
             assert "refused" not in found or {done.code for done in said} & {3}
             log = await there.json("scene", "log", "stage")
+            await there.waits_for_all(nodes, made["genesis"], log["position"])
             for address in nodes.addresses:
                 await nodes.stop(address)
         newest = check_one_history((nodes.folder / "data" / address for address in nodes.addresses), bytes.fromhex(made["genesis"]), {})
