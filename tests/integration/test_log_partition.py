@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import os
 import sys
 from collections.abc import Awaitable
 from pathlib import Path
