@@ -154,7 +154,7 @@ def test_the_image_is_the_same_within_any_budget(known: Known, share: float, thr
 
 def test_several_waves_and_levels_are_no_matter(known: Known, monkeypatch: pytest.MonkeyPatch) -> None:
     adaptive = RenderOptions(width=80, height=60, samples=64, sky=(0.3, 0.4, 0.5), adaptive=Adaptive(0.05, 16))
-    budget = known.budget(1.2, 2)
+    budget = known.budget(4.0, 2)
     whole = within(known.file, budget, 2, adaptive)
     monkeypatch.setattr(tracing_module, "WAVE_BYTES", 1)
     one_by_one = within(known.file, budget, 2, adaptive)
