@@ -1,7 +1,7 @@
 """If this fails, light that falls through panes, from spots, or from surfaces with holes is too bright or too dark.
 
 A floor seen straight from above, lit by one lamp, with nothing else to give light back: a pixel is one integral, which
-numpy does here from glTF's formulas (Schlick's Fresnel term, GGX with Smith's correlated term, roughness 1).
+numpy does here from the formulas of specs/09 (roughness 1).
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import pytest
 
 from render.rig import Rendered, Rig
 from render.shapes import grid, looking, part, scene
+from scenefold.render import ggx_albedo
+from scenefold.render.kit import gltf
 from scenefold.scene.importers.source import MeshPart
 from scenefold.scene.payloads.materials import AlphaMode, Material
 from scenefold.scene.payloads.punctual import PunctualLight
@@ -28,11 +30,6 @@ PIXELS = 8
 EYE = looking((0, 0.3, 0), (0, 0, 0), kind="orthographic", ymag=HALF)
 
 
-def fresnel(cosine: Floats, f0: float = 0.04) -> Floats:
-    result: Floats = f0 + (1 - f0) * (1 - cosine) ** 5
-    return result
-
-
 def floor_lit_from(place: Floats, half: float = HALF) -> tuple[Floats, Floats]:
     """Radiance f64[n, 3] that leaves points all over the view upwards, and the unit directions to the lamp."""
     steps = (np.arange(256) + 0.5) / 128 - 1
@@ -40,14 +37,16 @@ def floor_lit_from(place: Floats, half: float = HALF) -> tuple[Floats, Floats]:
     towards = place - np.stack([x, 0 * x, z], axis=1)
     distance = np.sqrt((towards**2).sum(axis=1))
     towards /= distance[:, None]
-    nl = towards[:, 1]
-    half_vector = towards + np.array([0.0, 1.0, 0.0])
-    half_vector /= np.sqrt((half_vector**2).sum(axis=1))[:, None]
-    f = fresnel(half_vector[:, 1])
-    smith = 0.5 * (np.sqrt(1 + (1 - nl**2) / nl**2) - 1)
-    coat = 1 / (math.pi * 4 * nl * (1 + smith))
-    value = (1 - f)[:, None] * FLOOR / math.pi + (f * coat)[:, None]
-    return value * (nl * POWER / distance**2)[:, None], towards
+    # In the surface's frame, whose z is the world's y.
+    up, wi = np.broadcast_to([0.0, 0.0, 1.0], towards.shape), towards[:, [0, 2, 1]]
+    light: Floats = gltf.value(FLOOR, 0.0, 1.0, up, wi) * (towards[:, 1] * POWER / distance**2)[:, None]
+    return light, towards
+
+
+def passing(cosine: Floats, roughness: float, f0: float = gltf.F0) -> Floats:
+    """The share of light that a pane's layer leaves to what lies under it, at these angles."""
+    share: Floats = ggx_albedo.left_of(f0, ggx_albedo.albedo(roughness, cosine), ggx_albedo.mean_albedo(roughness))[..., 0]
+    return share
 
 
 def floor_and(*others: MeshPart) -> list[list[MeshPart]]:
@@ -74,7 +73,7 @@ def test_a_lamp_behind_panes(tint: tuple[float, float, float], panes: int) -> No
     source = scene(floor_and(*map(pane, heights)), [Material(base_color=(*FLOOR, 1.0)), glass], [EYE], punctual=[lamp])
     image = Rig(source, 12).render("voronoi", 1, width=PIXELS, height=PIXELS, samples=1200, depth=2)
     light, towards = floor_lit_from(LAMP)
-    passed = 0.9 * (1 - fresnel(towards[:, 1]))[:, None] * tint
+    passed = 0.9 * passing(towards[:, 1], 0.3)[:, None] * tint
     assert_mean(image, (light * passed**panes).mean(axis=0), 1e-9)
     several = Rig(source, 12).render("voronoi", 5, width=PIXELS, height=PIXELS, samples=1200, depth=2)
     assert several.passed > 0 and (several.radiance == image.radiance).all()
@@ -98,7 +97,7 @@ def test_a_pane_whose_scales_differ() -> None:
     light, towards = floor_lit_from(LAMP)
     normal = np.array([0.0, 4.0, 18 * 0.02])
     cosine = np.abs(towards @ normal) / math.sqrt(float(normal @ normal))
-    assert_mean(image, (light * (1 - fresnel(cosine, 0.25))[:, None]).mean(axis=0))
+    assert_mean(image, (light * passing(cosine, 1.0, 0.25)[:, None]).mean(axis=0))
 
 
 @pytest.mark.parametrize(("inner", "outer"), [(0.0, 0.12), (0.1, 0.3), (0.0895, 0.09)])

@@ -24,8 +24,8 @@ _BOX_MARGIN = 1e-4
 """Of the box's diagonal: shadow rays that end at a far face pass everything before it."""
 _CHOSEN_EVENLY = 0.5
 """Share of the choices among punctual lights that does not look at their power."""
-_LEAST_SHARE = 1.0 / 64.0
-"""Of a pixel's area, of which a path stands for as much as there are paths for: at 64 of them the texture is an eighth of a pixel sharp."""
+_FOOTPRINT_SHARE = 1.0 / 16.0
+"""Of a pixel's area: a path stands for a quarter of the pixel's width, however many there are, for the first ones must not depend on that."""
 _SAMPLERS = {"sobol": SAMPLER_SOBOL, "independent": SAMPLER_INDEPENDENT}
 _KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
 
@@ -147,7 +147,7 @@ def _footprint(job: Job, tables: SceneTables) -> dict[str, float]:
     half_width, half_height, kind = job.camera[12:15]
     pixel = 2.0 * half_height / job.height
     cosine = 1.0 / math.sqrt(1.0 + half_width * half_width + half_height * half_height) if kind == 0.0 else 1.0
-    return {"footprint": pixel * pixel * max(_LEAST_SHARE, 1.0 / job.samples), "footprint_cosine": cosine}
+    return {"footprint": pixel * pixel * _FOOTPRINT_SHARE, "footprint_cosine": cosine}
 
 
 def _limit(clamp: float | None) -> float:
