@@ -103,6 +103,32 @@ class MeasuredRenderer(Renderer, Protocol):
         ...
 
 
+class NoRoomForTrees(Exception):
+    """What was to be built would take more memory than it may."""
+
+
+class TreeBudget(Protocol):
+    """What the trees of several open scenes may take together, and what they take; bytes."""
+
+    limit: int
+    held: int
+    most: int
+    """The most that they have taken so far."""
+
+
+@runtime_checkable
+class BudgetedRenderer(Renderer, Protocol):
+    """A renderer whose memory can be bounded to the byte, for scenes that are larger than that (specs/27-out-of-core.md). No renderer needs to."""
+
+    def budget(self, limit: int) -> TreeBudget:
+        """So many bytes for the trees of all scenes that are opened within it."""
+        ...
+
+    def open_within(self, memory: TreeBudget, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> OpenScene:
+        """As `open`; NoRoomForTrees if the trees of all scenes of this `memory`, one of `budget`, would take more than it allows."""
+        ...
+
+
 @runtime_checkable
 class LayeredRenderer(Renderer, Protocol):
     """A renderer that can write more than the plain columns of `PassSums`. No renderer needs to."""

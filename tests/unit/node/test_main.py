@@ -22,7 +22,7 @@ def test_what_is_imported_is_set_apart_and_garbage_is_collected_after_that(
     begun: ModuleType, program: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(begun, "leave_at", lambda *_, **__: None)
-    monkeypatch.setattr(program, "main", lambda: (gc.isenabled(), gc.get_freeze_count() > 10_000))
+    monkeypatch.setattr(program, "main", lambda *_: (gc.isenabled(), gc.get_freeze_count() > 10_000))
     before = gc.get_freeze_count()
     try:
         assert begun.main() == (True, True)

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+from scenefold.render.arrays import JobNumbers
 from scenefold.render.generate_kernels import scattering_stride
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.order_kernels import PathOrder
 from scenefold.render.pixel_kernels import pixel_of
 
 
-class Job(NamedTuple):
-    """As much of a job as orders paths."""
-
-    width: int
-    height: int
-    stride: int
-    crop_x: int
-    crop_y: int
-    crop_width: int
-    crop_height: int
-
-
 def made_job(width: int, height: int) -> Any:
-    return Job(width, height, scattering_stride(width * height), 0, 0, width, height)
+    # Of a class of the product: kernels keep the classes that they were compiled for in their cache, which other processes read.
+    nothing: list[Any] = [0] * len(JobNumbers._fields)
+    size = {"width": width, "height": height, "crop_width": width, "crop_height": height}
+    return JobNumbers(*nothing)._replace(stride=scattering_stride(width * height), **size)
 
 
 def places_of(job: Any, first_path: int, order: npt.NDArray[np.uint32]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

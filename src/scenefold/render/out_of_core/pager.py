@@ -7,20 +7,26 @@ from collections.abc import Collection
 
 from scenefold.base.errors import LocalFault
 from scenefold.render.arrays import JobNumbers, SceneArrays
-from scenefold.render.contract import OpenScene
+from scenefold.render.contract import BudgetedRenderer, NoRoomForTrees, OpenScene, TreeBudget
 from scenefold.render.out_of_core.cells import BUILT_SHARE, Cells, held_of
 from scenefold.render.out_of_core.spill import will_need
-from scenefold.render.renderers.embree.renderer import EmbreeRenderer
-from scenefold.render.renderers.embree.tree_memory import NoRoomForTrees, TreeMemory
 from scenefold.scene.tables import SceneTables
 
 
 class Pager:
     """The open scenes of some cells. One thread at a time opens and closes; scenes that are kept may be traced in meanwhile."""
 
-    def __init__(self, tables: SceneTables, arrays: SceneArrays, numbers: JobNumbers, cells: Cells, memory: TreeMemory) -> None:
+    def __init__(
+        self,
+        renderer: BudgetedRenderer,
+        tables: SceneTables,
+        arrays: SceneArrays,
+        numbers: JobNumbers,
+        cells: Cells,
+        memory: TreeBudget,
+    ) -> None:
         self._tables, self._arrays, self._numbers, self._cells = tables, arrays, numbers, cells
-        self._renderer = EmbreeRenderer()
+        self._renderer = renderer
         self._open: dict[int, OpenScene] = {}
         self.memory = memory
         self.built = 0

@@ -14,6 +14,7 @@ import numpy as np
 from scenefold.base.errors import LocalFault
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.arrays import SceneArrays
+from scenefold.render.contract import BudgetedRenderer, load_renderer
 from scenefold.render.developing import develop
 from scenefold.render.in_memory import camera_of, job_of
 from scenefold.render.job import Job, RenderOptions
@@ -26,8 +27,6 @@ from scenefold.render.out_of_core.pager import Pager
 from scenefold.render.out_of_core.spill import Spill
 from scenefold.render.out_of_core.tracing import TREES_LANE, Counts, Tracing
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
-from scenefold.render.renderers.embree.library import numeric_class
-from scenefold.render.renderers.embree.tree_memory import TreeMemory
 from scenefold.scene.importers import Moment
 from scenefold.scene.tables import SceneTables
 from scenefold.world import offline_world
@@ -78,13 +77,15 @@ async def render_within(asked: OutOfCore, options: RenderOptions, progress: Prog
         imported = await import_apart(asked.file, spill, asked.moment, asked.environment)
         import_seconds = time.monotonic() - begun
         tables = await read_tables(imported.records, workers)
-        cells, memory = await workers.run(LANE, _plan, tables, options, asked)
-        job = job_of(tables, options, numeric_class(), cells.partition)
+        renderer = _renderer()
+        cells, limit = await workers.run(LANE, _plan, tables, options, asked)
+        memory = renderer.budget(limit)
+        job = job_of(tables, options, renderer.numeric_class(), cells.partition)
         arrays = await arrays_on_disk(tables, imported.records, workers, spill)
         numbers = await workers.run(LANE, job_numbers, job, tables)
         progress("prepare", 1, 1)
         prepared = time.monotonic()
-        pager = Pager(tables, arrays, numbers, cells, memory)
+        pager = Pager(renderer, tables, arrays, numbers, cells, memory)
         try:
             tracing = Tracing(job, numbers.stride, pager, spill, workers, asked.threads)
             film = await tracing.run(lambda done, total: progress("render", done, total))
@@ -108,8 +109,18 @@ async def render_within(asked: OutOfCore, options: RenderOptions, progress: Prog
         return Made(layers, report, imported.not_carried)
 
 
-def _plan(tables: SceneTables, options: RenderOptions, asked: OutOfCore) -> tuple[Cells, TreeMemory]:
-    """Cells whose trees can be built in what the budget leaves for trees; LocalFault if there are none."""
+RENDERER = "embree"
+
+
+def _renderer() -> BudgetedRenderer:
+    renderer = load_renderer(RENDERER)
+    if not isinstance(renderer, BudgetedRenderer):
+        raise LocalFault(f"the renderer {RENDERER!r} has no bounds of memory", where="memory", remedy="leave out --memory")
+    return renderer
+
+
+def _plan(tables: SceneTables, options: RenderOptions, asked: OutOfCore) -> tuple[Cells, int]:
+    """Cells whose trees can be built in what the budget leaves for trees, and these bytes; LocalFault if there are none."""
     beside = beside_trees(tables, options, asked.threads)
     camera_of(tables, options)
     limit = asked.memory - beside
@@ -121,7 +132,7 @@ def _plan(tables: SceneTables, options: RenderOptions, asked: OutOfCore) -> tupl
             where="memory",
             remedy=f"give at least {least} MiB",
         )
-    return cells, TreeMemory(limit)
+    return cells, limit
 
 
 def beside_trees(tables: SceneTables, options: RenderOptions, threads: int) -> int:

@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scenefold.base.errors import LocalFault
-from scenefold.render.renderers.embree.tree_memory import MONITOR, NoRoomForTrees, TreeMemory
+from scenefold.render.contract import NoRoomForTrees
+from scenefold.render.renderers.embree.tree_memory import MONITOR, TreeMemory
 
 ISA: Final = "avx2"
 ARITHMETIC: Final = 5

@@ -6,7 +6,7 @@ from typing import Any
 
 from scenefold.partition import Partition
 from scenefold.render.arrays import JobNumbers
-from scenefold.render.contract import HeldScene, Tracer
+from scenefold.render.contract import HeldScene, Tracer, TreeBudget
 from scenefold.render.renderers.embree import library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
 from scenefold.render.renderers.embree.tracer import EmbreeTracer
@@ -45,8 +45,13 @@ class EmbreeRenderer:
         """See `Renderer`."""
         return EmbreeScene(held, numbers, partition, me)
 
-    def open_within(self, memory: TreeMemory, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> EmbreeScene:
-        """As `open`, but the trees of all scenes with this `memory` together take no more than it allows: NoRoomForTrees then."""
+    def budget(self, limit: int) -> TreeMemory:
+        """See `BudgetedRenderer`."""
+        return TreeMemory(limit)
+
+    def open_within(self, memory: TreeBudget, held: HeldScene, numbers: JobNumbers, partition: Partition, me: int) -> EmbreeScene:
+        """See `BudgetedRenderer`."""
+        assert isinstance(memory, TreeMemory), "a budget is its renderer's own"
         return EmbreeScene(held, numbers, partition, me, memory)
 
     def measure(self, held: HeldScene, numbers: JobNumbers, partition: Partition, repetitions: int, rays_max: int) -> dict[str, Any]:

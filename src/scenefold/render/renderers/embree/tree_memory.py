@@ -33,7 +33,3 @@ class TreeMemory:
             self.held += more
             self.most = max(self.most, self.held)
             return True
-
-
-class NoRoomForTrees(Exception):
-    """The trees that were to be built would take more than the limit."""
