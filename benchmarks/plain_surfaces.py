@@ -22,11 +22,12 @@ _PLAIN = {
     MaterialColumn.ROUGHNESS: 1.0,
     MaterialColumn.TRANSMISSION: 0.0,
     MaterialColumn.IOR: 1.0,
+    MaterialColumn.SPECULAR: 0.0,
     MaterialColumn.ALPHA_MODE: 0.0,
     MaterialColumn.CLEARCOAT: 0.0,
     MaterialColumn.UNLIT: 0.0,
 }
-"""A dielectric of index 1 reflects nothing, so that the body beneath is all there is."""
+"""A dielectric of index 1 and without a weight reflects nothing, also at grazing angles, so that the body beneath is all there is."""
 _USES = slice(MaterialColumn.BASE_USE, MaterialColumn.SPECULAR_COLOR_USE + 1)
 
 
@@ -36,7 +37,9 @@ def all_diffuse(held: HeldScene) -> HeldScene:
     for column, value in _PLAIN.items():
         materials[:, column] = value
     materials[:, _USES] = -1.0
-    return replace(held, arrays=held.arrays._replace(materials=materials))
+    # Lamps shine evenly, too: what samples of their light have must be what is seen of them.
+    uses = np.full_like(held.arrays.emitter_uses, -1.0)
+    return replace(held, arrays=held.arrays._replace(materials=materials, emitter_uses=uses))
 
 
 def mitsuba_scene(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any:
