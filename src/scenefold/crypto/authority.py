@@ -27,6 +27,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_der_private_key,
     load_pem_private_key,
 )
+from cryptography.utils import CryptographyDeprecationWarning
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from scenefold.base.errors import DamagedData, LocalFault
@@ -41,7 +42,7 @@ AUTHORITY_YEARS = 10
 LEAF_DAYS = 365
 SKEW = datetime.timedelta(days=1)
 """Certificates are valid from a day ago: an old computer's clock may be behind."""
-_UNREADABLE = (ValueError, TypeError, UnsupportedAlgorithm, x509.InvalidVersion)
+_UNREADABLE = (ValueError, TypeError, UnsupportedAlgorithm, x509.InvalidVersion, CryptographyDeprecationWarning)
 """What the library raises for bytes that are no key or certificate, depending on which bit is wrong."""
 CERTIFICATE_FILE = "certificate.pem"
 KEY_FILE = "key.pem"

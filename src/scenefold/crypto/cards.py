@@ -20,6 +20,7 @@ from cryptography import x509
 from cryptography.exceptions import InvalidSignature as _InvalidSignature
 from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.utils import CryptographyDeprecationWarning
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import KeyId
@@ -187,17 +188,19 @@ def _parsed(certificate: bytes) -> x509.Certificate:
         if certificate.lstrip().startswith(b"-----"):
             return x509.load_pem_x509_certificate(certificate)
         return x509.load_der_x509_certificate(certificate)
-    except (ValueError, x509.InvalidVersion, UnsupportedAlgorithm):
+    except (ValueError, x509.InvalidVersion, UnsupportedAlgorithm, CryptographyDeprecationWarning):
+        # The warning, where warnings are errors, is of a serial number below 1; later versions of the library raise ValueError for it.
         raise DamagedData("these bytes are no certificate") from None
 
 
 def _names_issuer(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
     """Whether a certificate names the issuer's key as the one that signed it."""
     try:
-        named = certificate.extensions.get_extension_for_class(x509.AuthorityKeyIdentifier).value.key_identifier
-        return named == issuer.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value.digest
+        named = issuer.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value.digest
     except (x509.ExtensionNotFound, x509.DuplicateExtension, x509.UnsupportedGeneralNameType, ValueError, TypeError, UnsupportedAlgorithm):
         return False
+    # The name is looked for in the bytes: around it a damaged certificate may hold whatever, about which its parser warns or fails.
+    return named in certificate.tbs_certificate_bytes
 
 
 def _check_end(certificate: x509.Certificate) -> None:

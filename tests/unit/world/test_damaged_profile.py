@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -130,6 +133,17 @@ def test_a_whole_profile_is_read_twice_alike(folder: Path, whole: tuple[Any, ...
 def test_a_flipped_bit_is_told_of_its_file(folder: Path, whole: tuple[Any, ...], place: str, at: int) -> None:
     content = (folder / place).read_bytes()
     check_told(folder, place, flipped(content, at), whole)
+
+
+@pytest.mark.parametrize("place", [f"nodes/{ADDRESS}/certificate.pem", "authority/certificate.pem"])
+def test_a_serial_number_below_zero_is_told_of(folder: Path, whole: tuple[Any, ...], place: str) -> None:
+    """Its sign is one bit, of which the library only warns."""
+    der = bytearray(x509.load_pem_x509_certificate((folder / place).read_bytes()).public_bytes(Encoding.DER))
+    serial = x509.load_der_x509_certificate(bytes(der)).serial_number
+    digits = serial.to_bytes(serial.bit_length() // 8 + 1, "big")
+    der[der.index(digits)] |= 0x80
+    pem = b"-----BEGIN CERTIFICATE-----\n" + base64.encodebytes(bytes(der)) + b"-----END CERTIFICATE-----\n"
+    check_told(folder, place, pem, whole)
 
 
 @settings(max_examples=100)
