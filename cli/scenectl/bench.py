@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
@@ -225,7 +225,8 @@ def render(
     seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
     sky: ColourOption | None = None,
     camera: str | None = None,
-    algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
+    algorithm: str = "bounded-radial",
+    fixed_cells: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     nodes: NodeCountsOption = ONE_AND_FIVE,
     repetitions: Annotated[int, whole(1, 100)] = 3,
     ports: PortsOption | None = None,
@@ -252,7 +253,9 @@ def render(
     camera
         Name of the camera; by default the scene's first.
     algorithm
-        How space is divided among the nodes.
+        How space is divided among the nodes, and by which rule cells move; see `scenectl render still`.
+    fixed_cells
+        Leave the cells where they are at first.
     nodes
         Sizes of the clusters to compare, as 1,5; `none` measures one thread only.
     repetitions
@@ -272,6 +275,7 @@ def render(
         seed=seed,
         depth=depth,
         algorithm=algorithm,
+        fixed_cells=fixed_cells,
         sky=None if sky is None else sky.rgb,
         camera=camera,
     )

@@ -38,7 +38,8 @@ def still(
     /,
     *,
     nodes: Annotated[int | None, whole(1, 127, env_var="SCENEFOLD_NODES")] = None,
-    algorithm: Literal["bounded-radial", "voronoi"] = "bounded-radial",
+    algorithm: str = "bounded-radial",
+    fixed_cells: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     to: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("image.exr"),
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None,
     adaptive: Annotated[float | None, Parameter(validator=Number(gt=0, lte=1))] = None,
@@ -95,7 +96,10 @@ def still(
     nodes
         Nodes of the cluster that is started when no profile is given; by default 5.
     algorithm
-        How space is divided among the nodes.
+        How space is divided among the nodes, and by which rule their cells move: vivaldi, no-certainty, swarming, no-backtracking,
+        voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi, which never move; or that of an installed package.
+    fixed_cells
+        Leave the cells where they are at first.
     to
         OpenEXR file to write; a PNG is written beside it.
     samples
@@ -196,6 +200,7 @@ def still(
         seed=seed,
         depth=depth,
         algorithm=algorithm,
+        fixed_cells=fixed_cells,
         sky=None if sky is None else sky.rgb,
         camera=camera,
         exposure=exposure,

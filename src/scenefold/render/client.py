@@ -67,6 +67,8 @@ class StillOptions:
     seed: int = 1
     depth: int | None = None
     algorithm: str = "bounded-radial"
+    fixed_cells: bool = False
+    """Cells stay where they are at first."""
     sky: tuple[float, float, float] | None = None
     """Usually black."""
     camera: str | None = None
@@ -115,6 +117,7 @@ class StillOptions:
             sky=(red, green, blue),
             camera=self.camera if self.camera is not None else said.camera,
             algorithm=self.algorithm,
+            moving=not self.fixed_cells,
             layers=self.layers,
             crop=crop,
             lens=lens_of(self.aperture, self.focus) or lens_of(said.paths.aperture, said.paths.focus),

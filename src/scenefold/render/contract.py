@@ -15,7 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from scenefold.base.errors import LocalFault
 from scenefold.partition import Partition
-from scenefold.render.arrays import U32, JobNumbers, SceneArrays
+from scenefold.render.arrays import F32, U32, JobNumbers, SceneArrays
 from scenefold.render.layers import columns_of
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.sum_columns import PLAIN, SumColumns
@@ -53,6 +53,10 @@ class Advanced:
     casts: int
     """Rays cast, one a visit of this cell: the node's work."""
     shadow_casts: int
+    hits: F32 | None = None
+    """[n, 3] places in the world where rays have hit, a sample that is fair to each hit; None: the renderer does not tell."""
+    hit_count: int = 0
+    """How many hits that is a sample of."""
 
 
 class Tracer(Protocol):
@@ -70,6 +74,18 @@ class Tracer(Protocol):
         ...
 
 
+@runtime_checkable
+class RoutingTracer(Tracer, Protocol):
+    """A tracer whose rays another partition may address anew: cells can move (specs/29-moving-cells.md). No renderer needs to."""
+
+    def route(self, rays: U32) -> dict[int, U32]:
+        """Rays of any pass, by the node that casts them next: the owner of the place up to which each is done.
+
+        Called in any thread, also while this tracer is at work in another one.
+        """
+        ...
+
+
 class OpenScene(Protocol):
     """A renderer opened on what a node holds."""
 
@@ -79,6 +95,15 @@ class OpenScene(Protocol):
 
     def close(self) -> None:
         """Free everything; no tracer is used any more."""
+        ...
+
+
+@runtime_checkable
+class MovableScene(OpenScene, Protocol):
+    """An open scene that answers for another cell, all of which it holds already, without being opened anew. No renderer needs to."""
+
+    def tracers_in(self, partition: Partition, count: int) -> list[Tracer]:
+        """As many tracers as there are threads, in this node's cell of another partition."""
         ...
 
 

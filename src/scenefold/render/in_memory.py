@@ -10,14 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
-from scenefold.partition import Partition, make_partition
+from scenefold.partition import Partition
+from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job, RenderOptions
-from scenefold.render.numbers import camera_numbers, job_box
+from scenefold.render.numbers import camera_numbers
 from scenefold.render.pool.share import LoadedShare, load_share, read_tables
 from scenefold.render.sealed_keys import NO_KEYS
 from scenefold.scene.importers import plan_import, read_scene
@@ -65,18 +64,7 @@ async def one_node_job(
     reader = await workers.run(LANE, RecordsInMemory, file, environment)
     tables = await read_tables(reader, workers)
     camera = camera_of(tables, options)
-    rotation = np.asarray(camera.matrix, np.float64)
-    low, high = job_box(tables)
-    partition = make_partition(
-        "voronoi" if options.algorithm == "voronoi" else "bounded-radial",
-        1,
-        np.stack((low, high)),
-        rotation[:3, 3],
-        -rotation[:3, 2],
-        rotation[:3, 1],
-        (low + high)[None] * 0.5,
-        np.ones(1),
-    )
+    partition = first_cells(options.algorithm, 1, tables, camera)
     job = job_of(tables, options, numeric_class, partition)
     return OneNodeJob(job, await load_share(reader, workers, job, 0))
 

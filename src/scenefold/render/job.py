@@ -18,6 +18,7 @@ from scenefold.base.image_limits import DEPTH_MAX, ROTATION_MAX, SAMPLES_MAX, SI
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, flag, number, text, whole
 from scenefold.partition import Partition
+from scenefold.render.algorithms import USUAL_ALGORITHM, check_algorithm
 from scenefold.render.layers import USUAL, check_layers, columns_of
 from scenefold.render.lens import Lens
 from scenefold.render.levels import Adaptive
@@ -29,7 +30,6 @@ from scenefold.render.window import Window
 from scenefold.scene.head import NO_HEAD, SceneHead
 from scenefold.wire import pack_value, unpack_value
 
-ALGORITHMS = ("bounded-radial", "voronoi")
 SEED_MAX = 2**63 - 1
 HASH_BYTES = 32
 _CAMERA_NUMBERS = 16
@@ -50,7 +50,10 @@ class RenderOptions:
     """Radiance of the constant environment, linear."""
     camera: str | None = None
     """Name of one of the scene's cameras; None: its default."""
-    algorithm: str = "bounded-radial"
+    algorithm: str = USUAL_ALGORITHM
+    """How space is divided, and by which rule cells move (`algorithms.ALGORITHMS`)."""
+    moving: bool = True
+    """Whether cells move while the job is traced; no bit depends on it."""
     layers: tuple[str, ...] = USUAL
     """Beside the beauty."""
     crop: Window | None = None
@@ -102,10 +105,7 @@ class RenderOptions:
         check_rotation(self.environment_rotation)
         if self.adaptive is not None:
             self.adaptive.check()
-        if self.algorithm not in ALGORITHMS:
-            raise UsageFault(
-                f"there is no algorithm {self.algorithm!r}", where="algorithm", remedy=f"choose one of {', '.join(ALGORITHMS)}"
-            )
+        check_algorithm(self.algorithm)
 
 
 def check_rotation(degrees: float) -> None:
@@ -158,6 +158,8 @@ class Job:
     mips: bool = True
     keeps: bool = False
     """Whether its films are kept, so that the nodes tell a digest of what they hold."""
+    moves: bool = False
+    """Whether its cells may move, so that the nodes tell where rays hit."""
 
     @property
     def window(self) -> Window:
@@ -202,6 +204,7 @@ class Job:
                 "adaptive": None if self.adaptive is None else self.adaptive.row(),
                 "mips": self.mips,
                 "keeps": self.keeps,
+                "moves": self.moves,
             }
         )
 
@@ -243,6 +246,7 @@ class Job:
             adaptive=Adaptive.of_row(document["adaptive"]),
             mips=flag(document.get("mips", True)),
             keeps=flag(document["keeps"]),
+            moves=flag(document.get("moves", False)),
         )
         if job.lens is not None:
             job.lens.check()

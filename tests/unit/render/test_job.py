@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.partition import Partition
-from scenefold.render.job import ALGORITHMS, Job, RenderOptions
+from scenefold.render.algorithms import ALGORITHMS
+from scenefold.render.job import Job, RenderOptions
 from scenefold.render.lens import Lens
 from scenefold.render.levels import Adaptive
 from scenefold.render.sampling import Sampling
@@ -61,7 +62,7 @@ def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moves": False}
 """What older documents do not have, and what it is then."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from scenefold.partition import Partition
 from scenefold.render.arrays import F64
-from scenefold.render.contract import Renderer
+from scenefold.render.contract import Renderer, RoutingTracer
 from scenefold.render.image_files import image_sha256
 from scenefold.render.kit.expecting import expect, expect_nothing_lost
 from scenefold.render.kit.furnace import inside_of_a_glowing_sphere
@@ -67,6 +67,19 @@ def any_cells(renderer: Renderer) -> None:
     for name, centroids in (("eight cells", corners), ("eight cells, moved", corners + 1e-7), ("walls", flat), ("empty cells", empty)):
         partition = Partition.voronoi(centroids)
         expect_same(rig.render(nodes=partition.nodes, partition=partition, sky=SKY), alone, name)
+
+
+def any_moves(renderer: Renderer) -> None:
+    """Cells of all families that move while rays fly, if the renderer's tracers can address rays anew."""
+    rig = _room(renderer)
+    job = rig.job("voronoi", 5, sky=SKY)
+    with rig.opened(job) as scenes:
+        if not isinstance(scenes[0].tracers(1)[0], RoutingTracer):
+            return
+    cells = [rig.job(name, 5).partition for name in ("power", "bounded-radial", "kd", "planar", "voronoi")]
+    moved, whole = rig.run_moving(job, cells), rig.run(job)
+    paths = int((moved != whole.radiance).any(axis=1).sum())
+    expect(paths == 0, f"cells that move: {paths} of {len(moved)} paths have another radiance")
 
 
 def any_batches(renderer: Renderer) -> None:
@@ -178,6 +191,7 @@ def numbers_are_only_read(renderer: Renderer) -> None:
 BIT = {
     "any number of nodes": any_number_of_nodes,
     "any cells": any_cells,
+    "any moves": any_moves,
     "any batches": any_batches,
     "any size": any_size,
     "any threads": any_threads,

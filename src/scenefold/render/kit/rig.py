@@ -5,8 +5,8 @@ Scenes go the way that imports go, but with small groups, so that nodes of a sma
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from unittest.mock import patch
 
@@ -15,12 +15,13 @@ import numpy.typing as npt
 
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import PASS_PATHS_MAX
-from scenefold.partition import Partition, make_partition
+from scenefold.partition import Partition
 from scenefold.render.arrays import F32, I32, I64, U32
-from scenefold.render.content import held_textures, pair_boxes, scene_arrays, share_of
-from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Renderer, Tracer
+from scenefold.render.content import held_textures, scene_arrays, share_of
+from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Renderer, RoutingTracer, Tracer
 from scenefold.render.developing import develop
 from scenefold.render.film import Film
+from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.layers import Pixels, in_order
 from scenefold.render.numbers import camera_numbers, depth_of_box, job_box, job_numbers
@@ -84,17 +85,7 @@ class Rig:
         camera = self.tables.camera(asked.camera)
         assert camera is not None
         if partition is None:
-            _, groups, low, high = pair_boxes(self.tables)
-            partition = make_partition(
-                "voronoi" if algorithm == "voronoi" else "bounded-radial",
-                nodes,
-                np.stack(job_box(self.tables)),
-                camera.matrix[:3, 3],
-                -camera.matrix[:3, 2],
-                camera.matrix[:3, 1],
-                (low + high) * 0.5,
-                self.tables.groups.triangles[groups].astype(np.float64),
-            )
+            partition = first_cells(algorithm, nodes, self.tables, camera)
         return Job(
             id=7,
             scene=SceneId(1),
@@ -139,10 +130,11 @@ class Rig:
         )
 
     @contextmanager
-    def opened(self, job: Job) -> Iterator[list[OpenScene]]:
-        """The renderers of all nodes of a job."""
+    def opened(self, job: Job, partition: Partition | None = None) -> Iterator[list[OpenScene]]:
+        """The renderers of all nodes of a job, in the cells of another partition than its first."""
+        cells = partition or job.partition
         numbers = job_numbers(job, self.tables)
-        scenes = [self._renderer.open(self.held(job.partition, me), numbers, job.partition, me) for me in range(len(job.nodes))]
+        scenes = [self._renderer.open(self.held(cells, me), numbers, cells, me) for me in range(len(job.nodes))]
         try:
             yield list(scenes)
         finally:
@@ -176,6 +168,17 @@ class Rig:
         layers = develop(film, in_order((*job.layers, "variance")), box, depth_of_box(job.camera, box))
         return Rendered(np.concatenate(radiance), np.concatenate(aovs), film, layers, counters, passed, casts, held)
 
+    def run_moving(self, job: Job, cells: Sequence[Partition]) -> I64:
+        """The job's one pass, with cells that move after each time that rays were handed over; int64[paths, 3 or 9], its radiance."""
+        assert job.plan.count == 1
+        count = job.plan.size(0)
+        with ExitStack() as stack:
+            opened = [stack.enter_context(self.opened(job, partition)) for partition in (job.partition, *cells)]
+            tracers = [[scene.tracers(1)[0] for scene in scenes] for scenes in opened]
+            flight = Flight(tracers[0], 0, count, job.columns)
+            flight.land(tracers[0][0].generate(0, count), moves=tracers[1:])
+            return flight.total.radiance
+
 
 class Flight:
     """One pass in the air."""
@@ -185,9 +188,15 @@ class Flight:
         self._sums = [PassSums.zeros(count, columns) for _ in tracers]
         self.passed = self.casts = 0
 
-    def land(self, waiting: dict[int, U32], shuffle: np.random.Generator | None = None, piece: int = 1 << 30) -> None:
-        """Hand rays over until none is left."""
-        created, retired, hops = sum(len(rays) for rays in waiting.values()), 0, 0
+    def land(
+        self,
+        waiting: dict[int, U32],
+        shuffle: np.random.Generator | None = None,
+        piece: int = 1 << 30,
+        moves: Sequence[Sequence[Tracer]] = (),
+    ) -> None:
+        """Hand rays over until none is left. `moves`: all nodes' tracers by later partitions, one more with each time."""
+        created, retired, hops, later = sum(len(rays) for rays in waiting.values()), 0, 0, list(moves)
         while waiting:
             hops += 1
             assert hops <= HOPS_MAX, "rays fly to and fro"
@@ -202,7 +211,15 @@ class Flight:
                         leaving.setdefault(target, []).append(some.copy())
                         self.passed += len(some)
             waiting = {node: np.concatenate(batches) for node, batches in leaving.items()}
+            if later and waiting:
+                self._tracers = list(later.pop(0))
+                waiting = self._addressed_anew(np.concatenate(list(waiting.values())))
         assert created == retired
+
+    def _addressed_anew(self, rays: U32) -> dict[int, U32]:
+        tracer = self._tracers[0]
+        assert isinstance(tracer, RoutingTracer)
+        return tracer.route(rays)
 
     @property
     def total(self) -> PassSums:

@@ -10,6 +10,7 @@ queue and its sums agree with one another, and the ledger relies on that.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 
@@ -24,10 +25,12 @@ from scenefold.render.film import EVERY_ROW, Film, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
+from scenefold.render.pool.cell import Cell
+from scenefold.render.pool.hit_sample import HitSample
 from scenefold.render.pool.outbox import PeerOutbox
 from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner
 from scenefold.render.pool.share import FILM_LANE, LANE
-from scenefold.render.pool.work import WorkQueue
+from scenefold.render.pool.work import Work, WorkQueue
 from scenefold.wire import CollectPass, JobEvent, Packet, PassCounts, PassSums, SendRays, pack_value
 from scenefold.world import World
 
@@ -59,13 +62,14 @@ class Member:
         job: Job,
         me: int,
         stride: int,
-        tracers: list[Tracer],
+        cell: Cell,
         world: World,
         ask: Callable[[int, Packet, float], Awaitable[Packet]],
         send: Callable[[int, Packet], Awaitable[None]],
     ) -> None:
         """`ask` and `send` reach the job's node of an index: with an answer, and without."""
-        self._job, self._me, self._stride, self._tracers, self._world = job, me, stride, tracers, world
+        self._job, self._me, self._stride, self._world = job, me, stride, world
+        self._cell = cell
         self._ask, self._send = ask, send
         self._plan = job.plan
         self._own = OwnPasses(self._plan, job.nodes, me)
@@ -76,12 +80,18 @@ class Member:
         self._sums: dict[int, dict[int, Sums]] = {}
         self._outboxes = {index: PeerOutbox() for index in range(len(job.nodes)) if index != me}
         self._changed = trio.Event()
+        self._astray: deque[Work] = deque()
+        """Rays to be addressed anew."""
+        self._strayed = trio.Event()
         self._opening = False
         self._closing = trio.Lock()
         self._link_sequence = 0
         self._nursery: trio.Nursery | None = None
         self.film = Film(job.window.width, job.window.height, job.columns)
         self.statistics = MemberStatistics()
+        self.hits = HitSample(len(job.nodes), job.seed + me)
+        self.on_newer: Callable[[int], object] = lambda _epoch: None
+        """Told the epoch of rays that are addressed by a newer partition than this node's."""
 
     # What other nodes tell us --------------------------------------------------------------------------------
 
@@ -96,8 +106,14 @@ class Member:
             raise PeerFault("a ray belongs to a path that its pass does not have", where=f"pass {number}")
         self._count(number, Counts(received=len(rays)))
         self.statistics.rays_received += len(rays)
-        self._queue.put(number, rays)
-        self._wake()
+        if packet.partition_epoch > self._cell.partition.epoch:
+            self.on_newer(packet.partition_epoch)
+        if packet.partition_epoch == self._cell.partition.epoch:
+            self._queue.put(number, rays)
+            self._wake()
+        else:
+            self._queue.lend(number)
+            self._stray(Work(number, rays))
 
     def on_counts(self, node: int, packet: PassCounts) -> None:
         """Another node's counts of one of our passes."""
@@ -140,6 +156,44 @@ class Member:
         self._own.release(until)
         self._wake()
 
+    # Moving --------------------------------------------------------------------------------------------------
+
+    @property
+    def cell(self) -> Cell:
+        """Where this node traces."""
+        return self._cell
+
+    def claim(self, cell: Cell) -> None:
+        """Trace there from now on. Batches under way end where they began."""
+        self._cell = cell
+        for work in self._queue.drain():
+            self._stray(work)
+        self._wake()
+
+    def _stray(self, work: Work) -> None:
+        """Its pass is busy until it has an address."""
+        self._astray.append(work)
+        self._strayed.set()
+
+    async def _readdress(self) -> None:
+        while True:
+            if not self._astray:
+                self._strayed = trio.Event()
+                await self._strayed.wait()
+            work, cell = self._astray.popleft(), self._cell
+            rays = await self._world.workers.run(FILM_LANE, cell.route, work.rays)
+            if cell is not self._cell:
+                self._astray.appendleft(work)
+                continue
+            mine = rays.pop(self._me, None)
+            if mine is not None:
+                self._queue.put(work.number, mine)
+            sent = self._dispatch(cell, work.number, rays)
+            self._count(work.number, Counts(sent=sent))
+            if self._queue.done(work.number):
+                self._tell(work.number)
+            self._wake()
+
     # Tasks ---------------------------------------------------------------------------------------------------
 
     async def run(self) -> None:
@@ -148,8 +202,9 @@ class Member:
             self._nursery = nursery
             for index, outbox in self._outboxes.items():
                 nursery.start_soon(self._deliver, index, outbox)
-            for index, tracer in enumerate(self._tracers):
-                nursery.start_soon(self._trace, index, tracer)
+            for index in range(len(self._cell.tracers)):
+                nursery.start_soon(self._trace, index)
+            nursery.start_soon(self._readdress)
             try:
                 await trio.sleep_forever()
             finally:
@@ -172,7 +227,7 @@ class Member:
         return self._own.total
 
     async def _deliver(self, index: int, outbox: PeerOutbox) -> None:
-        async def send_rays(number: int, rays: U32) -> None:
+        async def send_rays(epoch: int, number: int, rays: U32) -> None:
             self._link_sequence += 1
             await self._send(
                 index,
@@ -181,7 +236,7 @@ class Member:
                     frame=self._job.frame,
                     pass_index=number,
                     attempt=0,
-                    partition_epoch=self._job.partition.epoch,
+                    partition_epoch=epoch,
                     link_sequence=self._link_sequence,
                     render_location=(),
                     count=len(rays),
@@ -194,11 +249,12 @@ class Member:
 
         await outbox.run(send_rays, send)
 
-    async def _trace(self, thread: int, tracer: Tracer) -> None:
+    async def _trace(self, thread: int) -> None:
         workers, clock = self._world.workers, self._world.clock
         while True:
+            cell = self._cell
             if self._own.may_open() and len(self._queue) < QUEUE_RAYS_ENOUGH and not self._opening:
-                await self._open_pass(tracer)
+                await self._open_pass(cell, thread)
                 continue
             work = self._queue.take()
             if work is None:
@@ -209,20 +265,24 @@ class Member:
                 continue
             sums = self._sums_of(work.number, thread)
             begun = clock.now()
-            outcome = await workers.run(LANE, tracer.advance, work.rays, self._plan.first_path(work.number), sums)
+            with cell.at_work():
+                outcome = await workers.run(LANE, cell.tracers[thread].advance, work.rays, self._plan.first_path(work.number), sums)
             self.statistics.busy_seconds += clock.now() - begun
             self.statistics.casts += outcome.casts
             self.statistics.shadow_casts += outcome.shadow_casts
-            sent = self._dispatch(work.number, outcome.leaving)
+            if outcome.hits is not None and self._job.moves:
+                self.hits.add(outcome.hits, outcome.hit_count)
+            sent = self._dispatch(cell, work.number, outcome.leaving)
             self._count(work.number, Counts(created=outcome.created, retired=outcome.retired, sent=sent))
             if self._queue.done(work.number):
                 self._tell(work.number)
 
-    async def _open_pass(self, tracer: Tracer) -> None:
+    async def _open_pass(self, cell: Cell, thread: int) -> None:
         self._opening = True
         try:
             number = self._own.open_next()
-            rays = await self._world.workers.run(LANE, self._camera_rays, tracer, number)
+            with cell.at_work():
+                rays = await self._world.workers.run(LANE, self._camera_rays, cell.tracers[thread], number)
         finally:
             self._opening = False
         created = sum(map(len, rays.values()))
@@ -232,9 +292,12 @@ class Member:
             self._wake()
             return
         mine = rays.pop(self._me, None)
-        if mine is not None:
+        if mine is not None and cell is self._cell:
             self._queue.put(number, mine)
-        sent = self._dispatch(number, rays)
+        elif mine is not None:
+            self._queue.lend(number)
+            self._stray(Work(number, mine))
+        sent = self._dispatch(cell, number, rays)
         self._count(number, Counts(created=created, sent=sent))
         self._wake()
         if not self._queue.is_busy(number):
@@ -253,10 +316,10 @@ class Member:
 
     # Counting ------------------------------------------------------------------------------------------------
 
-    def _dispatch(self, number: int, leaving: dict[int, U32]) -> int:
+    def _dispatch(self, cell: Cell, number: int, leaving: dict[int, U32]) -> int:
         sent = 0
         for index, rays in leaving.items():
-            self._outboxes[index].put_rays(number, rays)
+            self._outboxes[index].put_rays(cell.partition.epoch, number, rays)
             sent += len(rays)
         self.statistics.rays_sent += sent
         return sent

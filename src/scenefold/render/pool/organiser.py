@@ -14,20 +14,25 @@ import trio
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
-from scenefold.partition import make_partition
 from scenefold.render.adaptive import going_on
+from scenefold.render.algorithms import rule_of
+from scenefold.render.arrays import F32
 from scenefold.render.content import pair_boxes
 from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.developing import Box, develop
 from scenefold.render.film import EVERY_ROW, Film, GoesOn
+from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job
 from scenefold.render.layers import packed
 from scenefold.render.numbers import camera_numbers, depth_of_box, job_box
+from scenefold.render.pool.hit_sample import hits_of_bytes
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
 from scenefold.render.pool.kept_film import ComingFilm, check_memory, film_size, packed_film, stage_end, unpack_film
 from scenefold.render.pool.levels import pieces
+from scenefold.render.pool.mover import Mover
+from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.request import Keep, RenderRequest
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
@@ -64,8 +69,11 @@ class Organiser:
         self._phase = "preparing"
         self._failure: Refused | None = None
         self._states: dict[int, dict[str, Value]] = {}
+        self._hits: dict[int, F32] = {}
+        self._mover: Mover | None = None
         self._seconds: dict[str, float] = {}
         self._keep = request.keep
+        self._algorithm = request.options.algorithm
         self._digest = bytes(DIGEST_BYTES)
         self._before = 0 if request.keep is None else request.keep.passes
         self._paths_before = 0
@@ -134,6 +142,7 @@ class Organiser:
             "paths_before": self._paths_before,
             "kept_passes": self._kept[0],
             "content": self._digest,
+            "moved": 0 if self._mover is None else self._mover.moved,
             "image_bytes": len(self.image),
             "seconds": {name: float(value) for name, value in self._seconds.items()},
             "nodes": [
@@ -149,6 +158,7 @@ class Organiser:
         self._job, self._keys, self._request = job, None, None
         async with trio.open_nursery() as nursery:
             nursery.start_soon(keep_places, self._host, job)
+            self._mover = self._mover_of(job, tables)
             await self._make_image(job, tables)
             nursery.cancel_scope.cancel()
 
@@ -164,7 +174,11 @@ class Organiser:
         with _Timed(self, "render"):
             goes_on = await self._film_before(job)
             await self._of_all(_event(job, {"go": True, "from": self._before}), ASK_S_MAX)
-            await self._render_levels(job, goes_on)
+            async with trio.open_nursery() as nursery:
+                if self._mover is not None:
+                    nursery.start_soon(self._mover.run)
+                await self._render_levels(job, goes_on)
+                nursery.cancel_scope.cancel()
         self._phase, self._kept = "merging", (0, b"")
         with _Timed(self, "merge"):
             await self._gather(job)
@@ -252,18 +266,7 @@ class Organiser:
                 remedy=f"choose one of: {names}; where none is named it is that of `scenectl scene settings`",
             )
         nodes = self._nodes(request)
-        _, groups, low, high = pair_boxes(tables)
-        rotation = np.asarray(camera.matrix, np.float64)
-        partition = make_partition(
-            "voronoi" if options.algorithm == "voronoi" else "bounded-radial",
-            len(nodes),
-            np.stack(job_box(tables)),
-            rotation[:3, 3],
-            -rotation[:3, 2],
-            rotation[:3, 1],
-            (low + high) * 0.5,
-            tables.groups.triangles[groups].astype(np.float64),
-        )
+        partition = first_cells(options.algorithm, len(nodes), tables, camera)
         return Job(
             id=request.job,
             scene=request.scene,
@@ -290,6 +293,7 @@ class Organiser:
             adaptive=options.adaptive,
             mips=options.mips,
             keeps=self._keep is not None,
+            moves=options.moving and len(nodes) > 1 and rule_of(options.algorithm) is not None,
         )
 
     def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:
@@ -312,11 +316,37 @@ class Organiser:
                 raise PeerFault("a job's state is ill-formed", where=address_of(node))
             if state.get("failure"):
                 raise error_of(_whole(state.get("failure_reason")), str(state["failure"]), where=address_of(node))
+            hits = state.pop("hits", None)
+            if job.moves and hits is not None:
+                self._hits[index] = hits_of_bytes(hits, len(job.nodes))
             self._states[index] = state
 
         async with trio.open_nursery() as nursery:
             for index, node in enumerate(job.nodes):
                 nursery.start_soon(look, index, node)
+
+    def _mover_of(self, job: Job, tables: SceneTables) -> Mover | None:
+        rule = rule_of(self._algorithm) if job.moves else None
+        if rule is None:
+            return None
+        _, _, low, high = pair_boxes(tables)
+        moves = Moves(rule, job.partition, np.stack(job_box(tables)), np.stack([low, high], axis=1))
+
+        async def to_all(document: dict[str, Value], timeout_s: float) -> None:
+            await self._of_all(_event(job, document), timeout_s)
+
+        return Mover(moves, self._host.world.clock, self._host.world.workers, self._told, to_all)
+
+    def _told(self) -> list[Told]:
+        """What all nodes have told lately; nothing as long as one has not told yet."""
+        states = [self._states.get(index, {}) for index in range(len(self._hits))]
+        if self._job is None or len(self._hits) < len(self._job.nodes):
+            return []
+        nothing = np.empty((0, 3), np.float32)
+        return [
+            Told(_whole(state.get("casts")), _seconds(state.get("busy_seconds")), self._hits.get(index, nothing))
+            for index, state in enumerate(states)
+        ]
 
     async def _all_closed(self, job: Job) -> bool:
         await self._look_at_nodes(job)
@@ -408,3 +438,7 @@ def _image(film: Film, job: Job, box: Box) -> bytes:
 
 def _whole(value: Value | None) -> int:
     return value if isinstance(value, int) else 0
+
+
+def _seconds(value: Value | None) -> float:
+    return value if isinstance(value, float) and 0.0 <= value < np.inf else 0.0

@@ -27,7 +27,8 @@ class PeerOutbox:
     """Bounded like the job's rays are (`WorkQueue`), and by one small message per pass and kind."""
 
     def __init__(self) -> None:
-        self._rays: dict[int, list[U32]] = {}
+        self._rays: dict[tuple[int, int], list[U32]] = {}
+        """By the epoch by which they are addressed, and pass."""
         self._messages: deque[Packet] = deque()
         self._waiting = 0
         self._filled = trio.Event()
@@ -35,9 +36,9 @@ class PeerOutbox:
         self.rays_sent = 0
         self.frames_sent = 0
 
-    def put_rays(self, number: int, rays: U32) -> None:
-        """Queue rays of a pass."""
-        self._rays.setdefault(number, []).append(rays)
+    def put_rays(self, epoch: int, number: int, rays: U32) -> None:
+        """Queue rays of a pass that are addressed by the partition of this epoch."""
+        self._rays.setdefault((epoch, number), []).append(rays)
         self._waiting += len(rays)
         self._filled.set()
         if self._waiting >= FRAME_RAYS_ENOUGH:
@@ -52,7 +53,7 @@ class PeerOutbox:
         """Whoever fills this box has nothing else to do: send what there is."""
         self._enough.set()
 
-    async def run(self, send_rays: Callable[[int, U32], Awaitable[None]], send: Callable[[Packet], Awaitable[None]]) -> None:
+    async def run(self, send_rays: Callable[[int, int, U32], Awaitable[None]], send: Callable[[Packet], Awaitable[None]]) -> None:
         """Send until cancelled; errors of sending end it."""
         while True:
             await self._filled.wait()
@@ -63,12 +64,12 @@ class PeerOutbox:
                 while self._messages:
                     await send(self._messages.popleft())
                 if self._rays:
-                    number = min(self._rays)
-                    batches = self._rays.pop(number)
+                    epoch, number = first_due = min(self._rays)
+                    batches = self._rays.pop(first_due)
                     self._waiting -= sum(len(batch) for batch in batches)
                     rays = batches[0] if len(batches) == 1 else np.concatenate(batches)
                     for first in range(0, len(rays), FRAME_RAYS_MAX):
                         part = rays[first : first + FRAME_RAYS_MAX]
-                        await send_rays(number, part)
+                        await send_rays(epoch, number, part)
                         self.rays_sent += len(part)
                         self.frames_sent += 1

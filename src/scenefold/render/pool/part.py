@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from functools import partial
 from typing import Any
 
 import trio
@@ -11,7 +12,7 @@ from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import address_of
 from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
-from scenefold.render.contract import OpenScene, Renderer, check_layers_written
+from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import Job
 from scenefold.render.layers import image_bytes
@@ -19,7 +20,8 @@ from scenefold.render.pool.hold import Hold
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.levels import Gathered
 from scenefold.render.pool.member import Member
-from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
+from scenefold.render.pool.moving import Moving
+from scenefold.render.pool.share import FILM_LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
 from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet, Value
 from scenefold.world import DiskFailed, QuietLog
@@ -50,8 +52,7 @@ class Part:
         self.phase = Phase.PREPARING
         self.failure: Refused | None = None
         self._host, self._renderer, self._quiet = host, renderer, quiet
-        self._loaded: LoadedShare | None = None
-        self._scene: OpenScene | None = None
+        self._moving = Moving(host, renderer, job, self.me)
         self._member: Member | None = None
         self._scope = trio.CancelScope()
         self._go = trio.Event()
@@ -59,6 +60,7 @@ class Part:
         self._ended = trio.Event()
         self._prepare_seconds = 0.0
         self._was_ready = False
+        self._digest = b""
         self._gathered = Gathered(job.window.pixels, job.plan.levels)
         self.hold = Hold()
 
@@ -70,17 +72,17 @@ class Part:
                 await self._go.wait()
                 self.phase = Phase.RUNNING
                 assert self._member is not None
-                await self._member.run()
+                async with trio.open_nursery() as nursery:
+                    nursery.start_soon(self._moving.run)
+                    await self._member.run()
             except* DiskFailed:
                 raise
             except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
                 self.phase, self.failure = Phase.FAILED, failure_of(group, self.job.id, self._quiet, self._host.world.clock.now())
         self._prepared.set()
-        self._member = self._loaded = None
-        if self._scene is not None:
-            with trio.CancelScope(shield=True):
-                await self._host.world.workers.run(LANE, self._scene.close)
-            self._scene = None
+        self._member = None
+        with trio.CancelScope(shield=True):
+            await self._moving.end()
         self._ended.set()
 
     async def prepared(self) -> None:
@@ -122,6 +124,19 @@ class Part:
         """Passes below this number may be opened. PeerFault if it is none."""
         self.member().release(self._number(until))
 
+    async def fetch(self, partition: object) -> None:
+        """Make ready to answer for another cell."""
+        self.member()
+        await self._moving.fetch(partition)
+
+    def claim(self, epoch: object) -> None:
+        """Answer for the cell that was fetched, from now on."""
+        self._moving.claim(epoch, self.member())
+
+    async def stay(self, epoch: object) -> None:
+        """What was fetched will not be claimed."""
+        await self._moving.forget(epoch)
+
     def _number(self, value: object) -> int:
         try:
             return whole(value, 0, self.job.plan.count)
@@ -144,13 +159,13 @@ class Part:
     def state(self) -> dict[str, Value]:
         """How it stands, for the organiser."""
         document: dict[str, Value] = {"phase": self.phase.value, "records": self._host.record_count(), **failure_fields(self.failure)}
-        if self._loaded is not None:
-            share = self._loaded.share
+        if self._moving.held is not None:
+            loaded = self._moving.held.loaded
             document |= {
-                "groups": len(share.groups),
-                "triangles": share.instanced_triangles,
-                "bytes_read": self._loaded.bytes_read,
-                "digest": self._loaded.digest,
+                "groups": len(loaded.share.groups),
+                "triangles": loaded.share.instanced_triangles,
+                "bytes_read": self._moving.bytes_read,
+                "digest": self._digest,
                 "prepare_seconds": self._prepare_seconds,
             }
         if self._member is not None:
@@ -165,9 +180,12 @@ class Part:
                 "packets_sent": self._member.packets_sent,
                 "rays_received": statistics.rays_received,
                 "busy_seconds": statistics.busy_seconds,
+                "epoch": self._member.cell.partition.epoch,
                 "not_finite": statistics.counters[1],
                 "clamped": statistics.counters[2],
             }
+            if self.job.moves:
+                document["hits"] = self._member.hits.to_bytes()
         return document
 
     async def hand_film_on(self, towards: int) -> None:
@@ -205,19 +223,10 @@ class Part:
             )
         check_layers_written(self._renderer, job.layers)
         self._check_memory()
-        async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
-            loaded = await load_share(reader, host.world.workers, job, self.me)
-        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, job.partition, self.me)
-        self._loaded, self._scene = loaded, scene
-        self._member = Member(
-            job,
-            self.me,
-            loaded.numbers.stride,
-            scene.tracers(host.render_threads),
-            host.world,
-            self._ask,
-            self._send,
-        )
+        held = await self._moving.open()
+        self._digest = held.loaded.digest
+        self._member = member = Member(job, self.me, held.loaded.numbers.stride, held.cell, host.world, self._ask, self._send)
+        member.on_newer = partial(self._moving.claim_if_fetched, member=member)
         self._prepare_seconds = host.world.clock.now() - begun
         self.phase, self._was_ready = Phase.READY, True
         self._prepared.set()

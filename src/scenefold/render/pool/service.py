@@ -199,6 +199,18 @@ class RenderService:
         elif isinstance(document, dict) and "until" in document:
             self._check_organiser(packet.job, peer)
             part.release(document["until"])
+        elif isinstance(document, dict) and "fetch" in document:
+            self._check_organiser(packet.job, peer)
+            try:
+                await part.fetch(document["fetch"])
+            except ScenefoldError as error:
+                return JobAnswer(job=packet.job, reason=int(reason_of(error)), text=words_of(error))
+        elif isinstance(document, dict) and "claim" in document:
+            self._check_organiser(packet.job, peer)
+            part.claim(document["claim"])
+        elif isinstance(document, dict) and "forget" in document:
+            self._check_organiser(packet.job, peer)
+            await part.stay(document["forget"])
         elif isinstance(document, dict) and "closed" in document:
             part.member().on_closed(self._index(part, peer), document["closed"])
         return JobAnswer(job=packet.job, reason=OK, text="")

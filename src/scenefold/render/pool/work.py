@@ -48,6 +48,17 @@ class WorkQueue:
             self._sizes[number] = self._sizes.get(number, 0) + len(rays)
             self._rays += len(rays)
 
+    def lend(self, number: int) -> None:
+        """Rays of a pass are elsewhere, and come back, or leave this node, before `done`."""
+        self._under_way[number] = self._under_way.get(number, 0) + 1
+
+    def drain(self) -> list[Work]:
+        """All rays that wait, which then wait no more. Their passes are busy until `done`, once for each of these."""
+        drained = []
+        while (work := self.take()) is not None:
+            drained.append(work)
+        return drained
+
     def take(self) -> Work | None:
         """Rays of the pass of which most wait, or None. The pass is busy until `done`."""
         if not self._waiting:
@@ -62,7 +73,7 @@ class WorkQueue:
         if not batches:
             del self._waiting[number], self._sizes[number]
         self._rays -= count
-        self._under_way[number] = self._under_way.get(number, 0) + 1
+        self.lend(number)
         rays = taken[0] if len(taken) == 1 else np.concatenate(taken)
         return Work(number, rays.reshape(-1, RAY_WORDS))
 

@@ -23,7 +23,11 @@ class EmbreeScene:
 
     def tracers(self, count: int) -> list[Tracer]:
         """See `OpenScene`."""
-        return [EmbreeTracer(self._held.arrays, self._geometry, self._numbers, self._partition, self._me) for _ in range(count)]
+        return self.tracers_in(self._partition, count)
+
+    def tracers_in(self, partition: Partition, count: int) -> list[Tracer]:
+        """See `MovableScene`."""
+        return [EmbreeTracer(self._held.arrays, self._geometry, self._numbers, partition, self._me) for _ in range(count)]
 
     def close(self) -> None:
         """See `OpenScene`."""

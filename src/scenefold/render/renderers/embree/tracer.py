@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition
-from scenefold.render.arrays import I64, U8, U32, JobNumbers, SceneArrays
+from scenefold.render.arrays import F32, I64, U8, U32, JobNumbers, SceneArrays
 from scenefold.render.contract import Advanced
 from scenefold.render.generate_kernels import SCRATCH_WORDS, generate_pass
 from scenefold.render.order_kernels import PathOrder
@@ -22,9 +22,11 @@ from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.embree import cast_kernels, filter_kernels, library
 from scenefold.render.renderers.embree.geometry import HeldGeometry
 from scenefold.render.route_kernels import group_by_owner, split_by_owner, take_forwarded
-from scenefold.render.shade_kernels import shade_batch
+from scenefold.render.shade_kernels import STATUS_HIT, shade_batch
 
 CHUNK_RAYS = 8192
+HITS_PER_TOLD = 64
+"""One hit of so many is told, for cells that follow the work."""
 """Rays cast and shaded at a time: their records and hits fit a core's second-level cache."""
 
 
@@ -58,6 +60,8 @@ class EmbreeTracer:
         self._stack = np.empty((8 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._leaving = np.empty((4 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._leaving_owner = np.empty(4 * CHUNK_RAYS, np.int32)
+        self._untold = 0
+        """Hits since the last one that was told."""
 
     def generate(self, first_path: int, count: int) -> dict[int, U32]:
         """See `Tracer`. What misses the job's box altogether stays here, to see the sky."""
@@ -65,6 +69,14 @@ class EmbreeTracer:
         generate_pass(self._job, np.int64(first_path), self._order.of_pass(first_path, count), rays, self._scratch)
         owners = np.empty(len(rays), np.int32)
         self._find_owners(rays, owners)
+        return self._grouped(rays, owners, len(rays))
+
+    def route(self, rays: U32) -> dict[int, U32]:
+        """See `RoutingTracer`. Any thread may call it, whatever this tracer does meanwhile."""
+        owners, job = np.empty(len(rays), np.int32), self._job
+        rays = np.ascontiguousarray(rays)
+        scratch = _aligned_words(SCRATCH_WORDS)
+        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners, scratch)
         return self._grouped(rays, owners, len(rays))
 
     def advance(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
@@ -76,13 +88,15 @@ class EmbreeTracer:
         stack = _with_room(self._stack, 0, top + 4 * CHUNK_RAYS)
         stack[:top] = rays
         leaving, leaving_owner = self._leaving, self._leaving_owner
-        left = created = retired = casts = 0
+        left = created = retired = casts = hit_count = 0
+        told: list[F32] = []
         shadow_before = int(sums.counters[0])
         while top > 0:
             count = min(CHUNK_RAYS, top)
             top -= count
             batch = stack[top : top + count].copy()
             made, kept = self._step(batch, first_path, sums)
+            hit_count += self._tell(batch, told)
             casts += count
             created += made
             retired += count - (kept - made)
@@ -92,7 +106,17 @@ class EmbreeTracer:
             top, left = split_by_owner(self._out[:kept], self._owners, self._me, stack, top, leaving, leaving_owner, left)
         shadow_casts = int(sums.counters[0]) - shadow_before
         self._stack, self._leaving, self._leaving_owner = stack, leaving, leaving_owner
-        return Advanced(self._grouped(leaving, leaving_owner, left), created, retired, casts, shadow_casts)
+        hits = np.concatenate(told) if told else np.empty((0, 3), np.float32)
+        return Advanced(self._grouped(leaving, leaving_owner, left), created, retired, casts, shadow_casts, hits, hit_count)
+
+    def _tell(self, batch: U32, told: list[F32]) -> int:
+        """Add every so many-th hit of a chunk that was cast to `told`; how many hits it has."""
+        rows = np.flatnonzero(self._status[: len(batch)] == STATUS_HIT)
+        chosen = rows[HITS_PER_TOLD - 1 - self._untold :: HITS_PER_TOLD]
+        self._untold = (self._untold + len(rows)) % HITS_PER_TOLD
+        if len(chosen):
+            told.append(batch[chosen, :3].view(np.float32) + self._ways[chosen] * self._reached[chosen, None])
+        return len(rows)
 
     def _finish(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
         """Where there is one cell only, no ray leaves and none is cast twice."""

@@ -1,0 +1,68 @@
+"""The organiser's side of moving cells: rounds, and one step after the other of all nodes (specs/29-moving-cells.md)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable, Sequence
+
+from scenefold.base.errors import ScenefoldError
+from scenefold.partition import Partition
+from scenefold.render.pool.hold import PREPARE_S_MAX
+from scenefold.render.pool.moves import Moves, Told
+from scenefold.render.pool.share import FILM_LANE
+from scenefold.wire import Value
+from scenefold.world import Clock, Workers
+
+LOOK_S = 0.2
+CLAIM_S_MAX = 30.0
+
+_log = logging.getLogger("scenefold.render.pool")
+
+
+class Mover:
+    """Of one job."""
+
+    def __init__(
+        self,
+        moves: Moves,
+        clock: Clock,
+        workers: Workers,
+        told: Callable[[], Sequence[Told]],
+        to_all: Callable[[dict[str, Value], float], Awaitable[None]],
+    ) -> None:
+        """`told`: by all nodes, lately; none, as long as not all have told. `to_all`: an event that every node must take."""
+        self._moves, self._clock, self._workers, self._told, self._to_all = moves, clock, workers, told, to_all
+        self.moved = 0
+        """How often."""
+
+    @property
+    def epoch(self) -> int:
+        """Of the newest partition that all have claimed."""
+        return self._moves.partition.epoch
+
+    async def run(self) -> None:
+        """Move cells after every round, until cancelled, or until a node cannot."""
+        while True:
+            await self._clock.sleep(LOOK_S)
+            told = self._told()
+            if not told or not self._moves.is_due(told):
+                continue
+            after = await self._workers.run(FILM_LANE, self._moves.next, told)
+            if after.epoch == self.epoch:
+                continue
+            if not await self._fetched(after):
+                return
+            await self._to_all({"claim": after.epoch}, CLAIM_S_MAX)
+            self._moves.partition = after
+            self.moved += 1
+
+    async def _fetched(self, after: Partition) -> bool:
+        refused = ""
+        try:
+            await self._to_all({"fetch": dict(after.to_document())}, PREPARE_S_MAX)
+        except* ScenefoldError as group:
+            refused = str(group.exceptions[0])
+        if refused:
+            _log.warning("cells stay where they are from now on: %s", refused)
+            await self._to_all({"forget": after.epoch}, CLAIM_S_MAX)
+        return not refused

@@ -1,0 +1,156 @@
+"""A node's side of moving cells: fetch, claim, let go (specs/29-moving-cells.md)."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import trio
+
+from scenefold.base.errors import LocalFault, PeerFault, Refused
+from scenefold.base.plain_values import whole
+from scenefold.base.reasons import RejectReason
+from scenefold.partition import Partition
+from scenefold.partition.value import EPOCH_MAX
+from scenefold.render.content import share_of
+from scenefold.render.contract import MovableScene, OpenScene, Renderer
+from scenefold.render.job import Job
+from scenefold.render.pool.cell import Cell
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.member import Member
+from scenefold.render.pool.share import LANE, LoadedShare, load_share
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A cell, and what is held for it."""
+
+    cell: Cell
+    loaded: LoadedShare
+    scene: OpenScene
+
+
+class Moving:
+    """Of one part. `held`: what it traces with, once it is ready."""
+
+    def __init__(self, host: Host, renderer: Renderer, job: Job, me: int) -> None:
+        self._host, self._renderer, self._job, self._me = host, renderer, job, me
+        self.held: Held | None = None
+        self.bytes_read = 0
+        """Of the scene, so far."""
+        self._next: Held | None = None
+        self._left: deque[Held] = deque()
+        """To be closed once no tracer of theirs works."""
+        self._has_left = trio.Event()
+        self._turn = trio.Lock()
+        self._is_over = False
+
+    async def open(self) -> Held:
+        """The job's first cell; the scene's keys are needed for as long as this takes."""
+        self.held = await self._opened(self._job.partition)
+        return self.held
+
+    async def fetch(self, document: object) -> None:
+        """Make ready to answer for this node's cell of another partition. PeerFault if it is none, LocalFault if it cannot be."""
+        partition, now = Partition.from_document(document), self._now()
+        if partition.nodes != len(self._job.nodes):
+            raise PeerFault("a partition is for another number of nodes")
+        async with self._turn:
+            if partition.epoch <= now.cell.partition.epoch or self._next is not None:
+                raise PeerFault("cells do not move that way", where=f"epoch {partition.epoch}")
+            if not now.cell.can_route:
+                raise LocalFault("the renderer cannot move cells", remedy="render with fixed cells")
+            await self._all_left()
+            self._next = await self._moved(now, partition)
+
+    def claim(self, epoch: object, member: Member) -> None:
+        """Answer for the cell that was fetched. PeerFault if it was not."""
+        number, now, fetched = _epoch(epoch), self._now(), self._next
+        if number == now.cell.partition.epoch:
+            return
+        if fetched is None or fetched.cell.partition.epoch != number:
+            raise PeerFault("no such cell was fetched", where=f"epoch {number}")
+        self.held, self._next = fetched, None
+        member.claim(fetched.cell)
+        self._left.append(now)
+        self._has_left.set()
+
+    def claim_if_fetched(self, epoch: int, member: Member) -> None:
+        """The word of a node that has claimed already."""
+        if self._next is not None and self._next.cell.partition.epoch == epoch:
+            self.claim(epoch, member)
+
+    async def forget(self, epoch: object) -> None:
+        """That cell will not be claimed."""
+        number = _epoch(epoch)
+        async with self._turn:
+            fetched = self._next
+            if fetched is not None and fetched.cell.partition.epoch == number:
+                self._next = None
+                await self._close(fetched)
+
+    async def run(self) -> None:
+        """Let go of what is no longer needed, until cancelled."""
+        while True:
+            if not self._left:
+                self._has_left = trio.Event()
+                await self._has_left.wait()
+            await self._left[0].cell.at_rest()
+            await self._close(self._left.popleft())
+
+    async def end(self) -> None:
+        """Close everything; nothing traces any more."""
+        self._is_over = True
+        scenes = {id(held.scene): held for held in (self.held, self._next, *self._left) if held is not None}
+        self.held = self._next = None
+        self._left.clear()
+        for held in scenes.values():
+            await self._host.world.workers.run(LANE, held.scene.close)
+
+    def _now(self) -> Held:
+        if self.held is None:
+            raise Refused(RejectReason.NOT_READY, "this node's part of the job is not ready")
+        return self.held
+
+    async def _all_left(self) -> None:
+        """Two cells are held at most."""
+        while self._left:
+            held = self._left[0]
+            await held.cell.at_rest()
+            await trio.lowlevel.checkpoint()
+            if self._left and self._left[0] is held and self._is_over:
+                return
+
+    async def _moved(self, now: Held, partition: Partition) -> Held:
+        needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, partition, self._me)
+        share = now.loaded.share
+        holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
+        if holds and isinstance(now.scene, MovableScene):
+            return Held(Cell(partition, now.scene.tracers_in(partition, self._host.render_threads)), now.loaded, now.scene)
+        return await self._opened(partition)
+
+    async def _opened(self, partition: Partition) -> Held:
+        host, job = self._host, replace(self._job, partition=partition)
+        if self.held is not None:
+            # The digest of the whole scene was told already.
+            job = replace(job, keeps=False)
+        async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
+            loaded = await load_share(reader, host.world.workers, job, self._me)
+        self.bytes_read += loaded.bytes_read
+        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, partition, self._me)
+        if self._is_over:
+            await host.world.workers.run(LANE, scene.close)
+            raise Refused(RejectReason.NOT_READY, "this node's part of the job is over")
+        return Held(Cell(partition, scene.tracers(host.render_threads)), loaded, scene)
+
+    async def _close(self, held: Held) -> None:
+        """Unless somebody else traces with it."""
+        if all(other is None or other.scene is not held.scene for other in (self.held, self._next, *self._left)):
+            await self._host.world.workers.run(LANE, held.scene.close)
+
+
+def _epoch(value: object) -> int:
+    try:
+        return whole(value, 0, EPOCH_MAX)
+    except ValueError as error:
+        raise PeerFault("an epoch is no whole number", where=f"{value!r:.40}") from error
