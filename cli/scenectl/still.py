@@ -150,6 +150,7 @@ def report_text(report: dict[str, Any]) -> str:
         ("rays_passed", "rays passed between nodes"),
         ("rays_passed_per_path", "rays passed per path"),
         ("bytes_passed", "bytes passed between nodes"),
+        ("cells_moved", "moves of cells"),
         ("efficiency", "efficiency"),
     ):
         if report.get(key) is not None:

@@ -102,6 +102,7 @@ async def test_who_hears_late_of_a_move_claims_with_the_first_rays(room: Records
     assert "rays" in claims
 
 
+@pytest.mark.expect_log("cells stay where they are from now on: no memory for more")
 async def test_a_node_that_cannot_fetch_leaves_all_cells_where_they_are(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """All load their first share; what follows they refuse."""
 

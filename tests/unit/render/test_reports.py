@@ -46,6 +46,7 @@ STATE: dict[str, Any] = {
     "numeric_class": "embree",
     "image_bytes": SIZE,
     "paths_before": 0,
+    "moved": 3,
     "kept_passes": 0,
     "content": bytes(32),
     "seconds": {"plan": 0.5, "render": 2.0},

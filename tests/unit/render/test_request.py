@@ -70,7 +70,7 @@ def test_a_request_round_trips() -> None:
     assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moving": False}
 """What older clients do not send, and what it is then."""
 
 

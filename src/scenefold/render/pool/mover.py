@@ -15,6 +15,10 @@ from scenefold.world import Clock, Workers
 
 LOOK_S = 0.2
 CLAIM_S_MAX = 30.0
+REST = 8.0
+"""After a move cells stay for so many times as long as it took: loading what they lack costs the nodes a part of their time, no more."""
+WORTH = 4.0
+"""What is left of the level takes so many times as long as a move, or cells stay: there would be no time to win back what it costs."""
 
 _log = logging.getLogger("scenefold.render.pool")
 
@@ -29,9 +33,14 @@ class Mover:
         workers: Workers,
         told: Callable[[], Sequence[Told]],
         to_all: Callable[[dict[str, Value], float], Awaitable[None]],
+        left_s: Callable[[], float],
     ) -> None:
-        """`told`: by all nodes, lately; none, as long as not all have told. `to_all`: an event that every node must take."""
-        self._moves, self._clock, self._workers, self._told, self._to_all = moves, clock, workers, told, to_all
+        """`told`: by all nodes, lately; none, as long as not all have told. `to_all`: an event that every node must take.
+
+        `left_s`: how long the rest of the job will take, as far as it can be told.
+        """
+        self._moves, self._clock, self._workers, self._told, self._to_all, self._left_s = moves, clock, workers, told, to_all, left_s
+        self._took_s = 0.0
         self.moved = 0
         """How often."""
 
@@ -43,17 +52,19 @@ class Mover:
     async def run(self) -> None:
         """Move cells after every round, until cancelled, or until a node cannot."""
         while True:
-            await self._clock.sleep(LOOK_S)
+            await self._clock.sleep(max(LOOK_S, REST * self._took_s))
             told = self._told()
-            if not told or not self._moves.is_due(told):
+            if not told or not self._moves.is_due(told) or self._left_s() < WORTH * self._took_s:
                 continue
             after = await self._workers.run(FILM_LANE, self._moves.next, told)
             if after.epoch == self.epoch:
                 continue
+            begun = self._clock.now()
             if not await self._fetched(after):
                 return
             await self._to_all({"claim": after.epoch}, CLAIM_S_MAX)
             self._moves.partition = after
+            self._took_s = self._clock.now() - begun
             self.moved += 1
 
     async def _fetched(self, after: Partition) -> bool:

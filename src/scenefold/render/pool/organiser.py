@@ -6,6 +6,7 @@ partition, as one value. Passes belong to all nodes. If a node is lost, the job 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -71,6 +72,7 @@ class Organiser:
         self._states: dict[int, dict[str, Value]] = {}
         self._hits: dict[int, F32] = {}
         self._mover: Mover | None = None
+        self._released_at = 0.0
         self._seconds: dict[str, float] = {}
         self._keep = request.keep
         self._algorithm = request.options.algorithm
@@ -174,6 +176,7 @@ class Organiser:
         with _Timed(self, "render"):
             goes_on = await self._film_before(job)
             await self._of_all(_event(job, {"go": True, "from": self._before}), ASK_S_MAX)
+            self._released_at = self.now()
             async with trio.open_nursery() as nursery:
                 if self._mover is not None:
                     nursery.start_soon(self._mover.run)
@@ -335,7 +338,13 @@ class Organiser:
         async def to_all(document: dict[str, Value], timeout_s: float) -> None:
             await self._of_all(_event(job, document), timeout_s)
 
-        return Mover(moves, self._host.world.clock, self._host.world.workers, self._told, to_all)
+        return Mover(moves, self._host.world.clock, self._host.world.workers, self._told, to_all, self._left_s)
+
+    def _left_s(self) -> float:
+        """Of the passes that are released; endless as long as none is closed."""
+        closed = self._closed_now()
+        left = self._begun_passes - self._before - closed
+        return (self.now() - self._released_at) * left / closed if closed else math.inf
 
     def _told(self) -> list[Told]:
         """What all nodes have told lately; nothing as long as one has not told yet."""
@@ -350,7 +359,10 @@ class Organiser:
 
     async def _all_closed(self, job: Job) -> bool:
         await self._look_at_nodes(job)
-        return sum(_whole(state.get("closed")) for state in self._states.values()) == self._begun_passes - self._before
+        return self._closed_now() == self._begun_passes - self._before
+
+    def _closed_now(self) -> int:
+        return sum(_whole(state.get("closed")) for state in self._states.values())
 
     async def _gather(self, job: Job) -> None:
         """Everybody's film into ours."""
