@@ -96,8 +96,7 @@ def still(
     nodes
         Nodes of the cluster that is started when no profile is given; by default 5.
     algorithm
-        How space is divided among the nodes, and by which rule their cells move: vivaldi, no-certainty, swarming, no-backtracking,
-        voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi, which never move; or that of an installed package.
+        How cells move: vivaldi, no-certainty, swarming, no-backtracking, voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi never do.
     fixed_cells
         Leave the cells where they are at first.
     to

@@ -90,7 +90,7 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         size = image_size(options)
         whole(state["image_bytes"], size, size)
         paths, passes = whole(state["paths"], least.paths, plan.paths), whole(state["passes"], least.count, plan.count)
-        before, moved = whole(state["paths_before"], 0, paths), whole(state.get("moved", 0), 0, _COUNT_MAX)
+        before, moved = whole(state["paths_before"], 0, paths), whole(state["moved"], 0, _COUNT_MAX)
         seconds = {_short(name): _seconds(value) for name, value in _few(state["seconds"].items(), _STEPS_MAX)}
         nodes = [_node(row, chosen) for row in _few(state["nodes"], POOL_NODES_MAX)]
         if not nodes:
