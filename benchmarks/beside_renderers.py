@@ -5,7 +5,8 @@
 All renderers are given the same triangles, lights, camera, depth and start of roulette, and take turns: one image each, of a seed of its
 own, again and again. What comes once (reading the scene, building its hierarchy, compiling kernels) is not counted.
 The error of an image is told from how images of different seeds scatter around their mean: every renderer is its own reference, so it
-counts noise and not what models differ in. Pixels weigh by their own brightness, and the noisiest thousandth is left out.
+counts noise and not what models differ in. Pixels weigh by their own brightness, and the noisiest thousandth is left out. Whether they
+show the same is told by their means, and by how sure these are of few images.
 
 `--diffuse` has every surface reflect its base colour evenly, in all renderers: what is compared then is tracing and not shading.
 Without it, Cycles is left out, since its surfaces are others. Ends with 77 and a reason where Mitsuba is missing.
@@ -25,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cycles_process import Cycles
+from image_judge import judge, of_batches
 from mitsuba_rays import rays_per_path
 from one_scene import SKIPPED, asked_of, imported, mitsuba_or_none, name_of, scene_arguments, traced
 from plain_surfaces import all_diffuse, mitsuba_scene
@@ -158,6 +160,7 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: E
         renderer.name: _measured(paths, seconds[renderer.name], np.array(images[renderer.name]), renderer.rays()) for renderer in renderers
     }
     ours = found["embree"]
+    means = {name: judge(of_batches(np.array(images["embree"])), of_batches(np.array(images[name]))) for name in found}
     return {
         "scene": name_of(scene),
         "triangles": one.loaded.share.instanced_triangles,
@@ -171,6 +174,8 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: E
             name: {
                 "paths_per_s": ours["paths_per_s"] / other["paths_per_s"],
                 "speed_to_equal_error": other["error_seconds"] / ours["error_seconds"],
+                "mean_difference_percent": means[name]["luminance_difference_percent"],
+                "standard_error_percent": means[name]["standard_error_percent"],
             }
             for name, other in found.items()
             if name != "embree"
@@ -213,7 +218,8 @@ def _lines(report: dict[str, Any]) -> str:
         )
     for name, ratio in report["ours_of_theirs"].items():
         lines.append(
-            f"  beside {name}: {ratio['paths_per_s']:.2f} times the paths, {ratio['speed_to_equal_error']:.2f} times as fast to equal error"
+            f"  beside {name}: {ratio['paths_per_s']:.2f} times the paths, {ratio['speed_to_equal_error']:.2f} times as fast to equal error, "
+            f"mean {ratio['mean_difference_percent']:+.3f} % (error {ratio['standard_error_percent']:.3f} %)"
         )
     return "\n".join(lines)
 

@@ -29,6 +29,7 @@ from scenefold.base.kernel_cache import use_kernel_cache
 from scenefold.render.arrays import F32
 from scenefold.render.contract import load_renderer
 from scenefold.render.in_memory import OneNodeJob
+from scenefold.render.lens import Lens
 from scenefold.render.numbers import job_numbers
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 from scenefold.render.renderers.mitsuba.scenes import scene_of
@@ -56,12 +57,13 @@ def _options() -> argparse.Namespace:
     parser = scene_arguments(__doc__, "128x72", 512)
     parser.add_argument("--batches", type=int, default=32, help="into which the samples are cut")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--lens", default=None, help="radius of a thin lens and distance of its focus, two numbers of the scene's unit")
     parser.add_argument("--output", default="compared", help="folder of the images")
     return parser.parse_args()
 
 
 def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, folder: Path) -> dict[str, Any]:
-    asked = asked_of(options, seed=options.seed)
+    asked = replace(asked_of(options, seed=options.seed), lens=_lens(options.lens))
     one = imported(scene, asked)
     begun = time.perf_counter()
     ours = _ours(one, options.batches)
@@ -84,6 +86,13 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, folder: 
         **judge(ours, theirs),
         **seconds,
     }
+
+
+def _lens(said: str | None) -> Lens | None:
+    if said is None:
+        return None
+    aperture, focus = (float(length) for length in said.split(","))
+    return Lens(aperture, focus)
 
 
 def _ours(one: OneNodeJob, batches: int) -> Estimate:
@@ -112,9 +121,11 @@ def _theirs(mitsuba: Mitsuba, one: OneNodeJob, batches: int) -> Estimate:
 
 def _line(report: dict[str, Any]) -> str:
     worst = report["worst_block"]
+    channels = ", ".join(f"{one['difference_percent']:+.3f} ({one['standard_error_percent']:.3f})" for one in report["channels"])
     return (
         f"{report['scene']:28} mean {report['mean']:.4g}  difference {report['luminance_difference_percent']:+.3f} % "
-        f"(error {report['standard_error_percent']:.3f} %)  rejected {report['rejected_percent']:.1f} % of {report['noisy_pixels']} pixels, "
+        f"(error {report['standard_error_percent']:.3f} %)  red, green, blue {channels}  "
+        f"rejected {report['rejected_percent']:.1f} % of {report['noisy_pixels']} pixels, "
         f"{report['rejected_percent_blocks']:.1f} % of blocks; beyond 3.29: {report['far_off_percent']:.2f} %; "
         f"quiet that differ {report['quiet_pixels_that_differ']}; worst block z {worst['z']:+.1f} at {worst['x']},{worst['y']}; "
         f"{report['seconds_ours']:.0f} s and {report['seconds_theirs']:.0f} s"

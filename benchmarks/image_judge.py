@@ -23,10 +23,12 @@ _EQUAL = 1e-5
 
 @dataclass(frozen=True)
 class Estimate:
-    """An image: mean radiance and variance of that mean, float64[H, W, 3] and float64[H, W] of the luminance."""
+    """An image: mean radiance and variance of that mean, float64[H, W, 3] and float64[H, W] of the luminance, and of each channel."""
 
     mean: F64
     variance: F64
+    channels: F64
+    """Variance of the mean, float64[H, W, 3]."""
 
     @property
     def luminance(self) -> F64:
@@ -38,7 +40,7 @@ class Estimate:
 def of_batches(images: F64) -> Estimate:
     """From independent images of equally many samples, float64[batches, H, W, 3]."""
     light = images @ _WEIGHTS
-    return Estimate(images.mean(axis=0), light.var(axis=0, ddof=1) / len(images))
+    return Estimate(images.mean(axis=0), light.var(axis=0, ddof=1) / len(images), images.var(axis=0, ddof=1) / len(images))
 
 
 def judge(ours: Estimate, theirs: Estimate) -> dict[str, Any]:
@@ -56,9 +58,7 @@ def judge(ours: Estimate, theirs: Estimate) -> dict[str, Any]:
     worst = np.unravel_index(int(np.abs(block_z).argmax()), block_z.shape)
     return {
         "mean": level,
-        "difference_percent": [
-            float(value) for value in 100 * (ours.mean.mean(axis=(0, 1)) / np.maximum(theirs.mean.mean(axis=(0, 1)), 1e-12) - 1)
-        ],
+        "channels": [_channel(ours, theirs, channel) for channel in range(3)],
         "luminance_difference_percent": 100 * float(difference.mean()) / max(level, 1e-12),
         "standard_error_percent": 100 * float(np.sqrt(variance.sum())) / difference.size / max(level, 1e-12),
         "noisy_pixels": int(noisy.sum()),
@@ -67,6 +67,16 @@ def judge(ours: Estimate, theirs: Estimate) -> dict[str, Any]:
         "rejected_percent_blocks": 100 * float((np.abs(block_z[lit]) > Z_95).mean()) if lit.any() else 0.0,
         "far_off_percent": 100 * float((np.abs(z[noisy]) > Z_999).mean()) if noisy.any() else 0.0,
         "worst_block": {"z": float(block_z[worst]), "x": int(worst[1]) * BLOCK, "y": int(worst[0]) * BLOCK},
+    }
+
+
+def _channel(ours: Estimate, theirs: Estimate, channel: int) -> dict[str, float]:
+    """How far one channel of the whole image differs, and how sure that is: what luminance hides, of blue most."""
+    level = max(float(theirs.mean[..., channel].mean()), 1e-12)
+    variance = ours.channels[..., channel] + theirs.channels[..., channel]
+    return {
+        "difference_percent": 100 * float((ours.mean - theirs.mean)[..., channel].mean()) / level,
+        "standard_error_percent": 100 * float(np.sqrt(variance.sum())) / variance.size / level,
     }
 
 

@@ -1,4 +1,4 @@
-"""A scene whose surfaces all reflect their base colour evenly, for us and for Mitsuba, by what each is quickest with.
+"""A scene of flat triangles that all reflect their base colour evenly, for us and for Mitsuba, by what each is quickest with.
 
 Mitsuba's own area lights shine to one side; lamps with two are those of the renderer `mitsuba`.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from scenefold.render.arrays import JobNumbers, MaterialColumn
+from scenefold.render.arrays import Feature, JobNumbers, MaterialColumn
 from scenefold.render.contract import HeldScene
 from scenefold.render.flat import FlatTriangles, flat_triangles
 from scenefold.render.renderers.mitsuba.library import Mitsuba
@@ -26,20 +26,27 @@ _PLAIN = {
     MaterialColumn.ALPHA_MODE: 0.0,
     MaterialColumn.CLEARCOAT: 0.0,
     MaterialColumn.UNLIT: 0.0,
+    MaterialColumn.FEATURES: float(Feature.REFLECTION),
 }
-"""A dielectric of index 1 and without a weight reflects nothing, also at grazing angles, so that the body beneath is all there is."""
+"""A dielectric of index 1 and without a weight reflects nothing, also at grazing angles, so that the body beneath is all there is. The
+weight is looked at only where the features say so."""
 _USES = slice(MaterialColumn.BASE_USE, MaterialColumn.SPECULAR_COLOR_USE + 1)
 
 
 def all_diffuse(held: HeldScene) -> HeldScene:
-    """The same scene, with other materials."""
+    """The same scene, with other materials, and without the normals of its vertices.
+
+    Where those and a triangle's own disagree renderers do: Mitsuba turns a shading normal that looks away from the viewer, and lets light pass
+    to the other side of the triangle if it comes from the side of the shading normal; ours does neither.
+    """
     materials = held.arrays.materials.copy()
     for column, value in _PLAIN.items():
         materials[:, column] = value
     materials[:, _USES] = -1.0
     # Lamps shine evenly, too: what samples of their light have must be what is seen of them.
     uses = np.full_like(held.arrays.emitter_uses, -1.0)
-    return replace(held, arrays=held.arrays._replace(materials=materials, emitter_uses=uses))
+    flat = np.zeros_like(held.arrays.normals)
+    return replace(held, arrays=held.arrays._replace(materials=materials, emitter_uses=uses, normals=flat))
 
 
 def mitsuba_scene(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any:
@@ -50,13 +57,9 @@ def mitsuba_scene(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any
     for material in np.unique(flat.materials):
         row = held.arrays.materials[int(material)]
         radiance = row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3]
-        mine = flat.materials == material
-        smooth = mine & (np.abs(flat.normals).max(axis=2) > 0).all(axis=1) & (radiance.max() <= 0.0)
-        for name, chosen in (("flat", mine & ~smooth), ("smooth", smooth)):
-            if chosen.any():
-                triangles = FlatTriangles(*(column[chosen] for column in flat))
-                lamp = _lamp(mitsuba, held, int(material)) if radiance.max() > 0.0 else None
-                parts[f"mesh_{material}_{name}"] = _mesh(mi, triangles, row, lamp, has_normals=name == "smooth")
+        triangles = FlatTriangles(*(column[flat.materials == material] for column in flat))
+        lamp = _lamp(mitsuba, held, int(material)) if radiance.max() > 0.0 else None
+        parts[f"mesh_{material}"] = _mesh(mi, triangles, row, lamp)
     if float(numbers.sky.max()) > 0.0:
         parts["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": numbers.sky.tolist()}}
     return mi.load_dict(parts)
@@ -70,7 +73,7 @@ def _lamp(mitsuba: Mitsuba, held: HeldScene, material: int) -> Any:
     return mitsuba.mi.load_dict({"type": "area", "radiance": {"type": "rgb", "value": radiance}})
 
 
-def _mesh(mi: Any, triangles: FlatTriangles, row: Any, lamp: Any, *, has_normals: bool) -> Any:
+def _mesh(mi: Any, triangles: FlatTriangles, row: Any, lamp: Any) -> Any:
     properties = mi.Properties()
     color = [float(value) for value in row[MaterialColumn.BASE : MaterialColumn.BASE + 3]]
     properties["mesh_bsdf"] = mi.load_dict(
@@ -79,11 +82,9 @@ def _mesh(mi: Any, triangles: FlatTriangles, row: Any, lamp: Any, *, has_normals
     if lamp is not None:
         properties["mesh_emitter"] = lamp
     count = 3 * len(triangles.materials)
-    mesh = mi.Mesh("plain", count, count // 3, properties, has_vertex_normals=has_normals)
+    mesh = mi.Mesh("plain", count, count // 3, properties)
     buffers = mi.traverse(mesh)
     buffers["vertex_positions"] = triangles.positions.ravel()
     buffers["faces"] = np.arange(count, dtype=np.uint32)
-    if has_normals:
-        buffers["vertex_normals"] = triangles.normals.ravel()
     buffers.update()
     return mesh
