@@ -9,7 +9,7 @@ counts noise and not what models differ in. Pixels weigh by their own brightness
 show the same is told by their means, and by how sure these are of few images.
 
 `--diffuse` has every surface reflect its base colour evenly, in all renderers: what is compared then is tracing and not shading.
-Without it, Cycles is left out, since its surfaces are others. Ends with 77 and a reason where Mitsuba is missing.
+Without it, Cycles is left out, since its surfaces are others; with points, spots or suns, too, which it is not given. Ends with 77 and a reason where Mitsuba is missing.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def _compare(mitsuba: Mitsuba, scene: str, options: argparse.Namespace, stack: E
     if options.diffuse:
         one = replace(one, loaded=replace(one.loaded, held=all_diffuse(one.loaded.held)))
     renderers: list[Renders] = [Ours(one, options.threads), Theirs(mitsuba, one, options.threads, is_diffuse=options.diffuse)]
-    if options.cycles and options.diffuse:
+    if options.cycles and options.diffuse and not len(one.loaded.held.arrays.punctual_lights):
         renderers.append(stack.enter_context(Cycles(options.cycles, one, options.threads, ROULETTE_FROM)))
     seconds: dict[str, list[float]] = {renderer.name: [] for renderer in renderers}
     images: dict[str, list[F64]] = {renderer.name: [] for renderer in renderers}

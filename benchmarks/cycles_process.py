@@ -82,7 +82,6 @@ def _write_scene(file: Path, one: OneNodeJob) -> None:
     np.savez(
         file,
         positions=flat.positions,
-        normals=flat.normals,
         materials=flat.materials,
         colors=rows[:, MaterialColumn.BASE : MaterialColumn.BASE + 3],
         two_sided=rows[:, MaterialColumn.DOUBLE_SIDED] != 0.0,

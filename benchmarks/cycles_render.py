@@ -91,9 +91,6 @@ def _meshes(scene: Any, arrays: Any) -> None:
         mesh.polygons.add(len(corners) // 3)
         mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
         mesh.update(calc_edges=True)
-        normals = arrays["normals"][chosen].reshape(-1, 3)
-        if len(normals) and (np.abs(normals).max(axis=1) > 0).all():
-            mesh.normals_split_custom_set(normals.tolist())
         mesh.materials.append(_material(arrays, int(number)))
         scene.collection.objects.link(bpy.data.objects.new(mesh.name, mesh))
 

@@ -14,7 +14,7 @@ from scenefold.render.arrays import Feature, JobNumbers, MaterialColumn
 from scenefold.render.contract import HeldScene
 from scenefold.render.flat import FlatTriangles, flat_triangles
 from scenefold.render.renderers.mitsuba.library import Mitsuba
-from scenefold.render.renderers.mitsuba.lights import surface_light
+from scenefold.render.renderers.mitsuba.lights import punctual_light, surface_light
 from scenefold.render.renderers.mitsuba.looks import Looks
 
 _PLAIN = {
@@ -50,7 +50,7 @@ def all_diffuse(held: HeldScene) -> HeldScene:
 
 
 def mitsuba_scene(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any:
-    """The `mi.Scene`, of Mitsuba's own `diffuse` and `area`."""
+    """The `mi.Scene`, of Mitsuba's own `diffuse` and `area`, with the scene's points, spots and suns."""
     mi = mitsuba.mi
     parts: dict[str, Any] = {"type": "scene"}
     flat = flat_triangles(held)
@@ -60,6 +60,8 @@ def mitsuba_scene(mitsuba: Mitsuba, held: HeldScene, numbers: JobNumbers) -> Any
         triangles = FlatTriangles(*(column[flat.materials == material] for column in flat))
         lamp = _lamp(mitsuba, held, int(material)) if radiance.max() > 0.0 else None
         parts[f"mesh_{material}"] = _mesh(mi, triangles, row, lamp)
+    for number, light in enumerate(held.arrays.punctual_lights):
+        parts[f"light_{number}"] = punctual_light(mitsuba, light)
     if float(numbers.sky.max()) > 0.0:
         parts["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": numbers.sky.tolist()}}
     return mi.load_dict(parts)
