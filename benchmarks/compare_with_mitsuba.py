@@ -115,7 +115,8 @@ def _theirs(mitsuba: Mitsuba, one: OneNodeJob, batches: int) -> Estimate:
     scene = scene_of(mitsuba, one.loaded.held, numbers)
     sensor, integrator = sensor_of(mitsuba, numbers), integrator_of(mitsuba, numbers)
     each = max(1, numbers.samples // batches)
-    images = [np.array(mitsuba.mi.render(scene, sensor=sensor, integrator=integrator, spp=each, seed=number)) for number in range(batches)]
+    seeds = range(one.job.seed, one.job.seed + batches)
+    images = [np.array(mitsuba.mi.render(scene, sensor=sensor, integrator=integrator, spp=each, seed=seed)) for seed in seeds]
     return of_batches(np.array(images, np.float64)[..., :3])
 
 
