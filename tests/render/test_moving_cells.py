@@ -123,6 +123,17 @@ def _decoded(packet: bytes) -> dict[str, Any]:
     return _event_of(decode_packet(packet))
 
 
+@pytest.mark.expect_log("their rule failed, ZeroDivisionError")
+async def test_a_rule_that_fails_leaves_all_cells_where_they_are(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def rule(*_args: object) -> Partition:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(organiser, "rule_of", lambda _name: rule)
+    async with memory_pool(offline_world(), room, NODES) as pool:
+        image, state = await _rendered(pool, OPTIONS)
+    assert image == alone and state["moved"] == 0
+
+
 async def test_nobody_but_the_organiser_moves_cells(room: Records) -> None:
     options = replace(OPTIONS, width=320, height=240, samples=64, moving=False)
     async with memory_pool(offline_world(), room, 3) as pool:
@@ -173,6 +184,7 @@ async def test_what_a_job_held_is_closed_when_it_ends(room: Records, monkeypatch
 
 
 async def test_a_cell_is_left_when_its_last_tracer_rests() -> None:
+    """By everybody who waits for it."""
     cell = Cell(Partition.voronoi([[0.0, 0.0, 0.0]]), [])
     await cell.at_rest()
     left: list[str] = []
@@ -186,9 +198,11 @@ async def test_a_cell_is_left_when_its_last_tracer_rests() -> None:
             with cell.at_work():
                 nursery.start_soon(leave)
                 await trio.testing.wait_all_tasks_blocked()
+                nursery.start_soon(leave)
+                await trio.testing.wait_all_tasks_blocked()
             await trio.testing.wait_all_tasks_blocked()
             assert not left
-    assert left == ["left"]
+    assert left == ["left", "left"]
 
 
 def test_a_renderer_that_cannot_address_rays_anew_says_so() -> None:

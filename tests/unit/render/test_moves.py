@@ -7,7 +7,7 @@ import pytest
 
 from scenefold.base.errors import LocalFault, PeerFault, UsageFault
 from scenefold.base.rays import RAY_WORDS
-from scenefold.partition import Partition
+from scenefold.partition import Partition, camera_frame
 from scenefold.partition.registry import BUILT_IN
 from scenefold.partition.rules import Measured
 from scenefold.render.algorithms import ALGORITHMS, RESTING, check_algorithm, rule_of
@@ -16,6 +16,7 @@ from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.work import WorkQueue
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+FRAME = camera_frame([0, 0, 0], [0, 0, -1], [0, 1, 0])
 NOWHERE = np.zeros((0, 2, 3))
 
 
@@ -109,3 +110,15 @@ def test_rays_that_are_lent_or_drained_keep_their_pass_busy() -> None:
     queue.put(1, rays)
     assert not queue.done(1), "some of it waits here again"
     assert queue.done(2) and queue.done(3)
+
+
+def test_what_a_rule_gives_is_looked_at() -> None:
+    cells = Partition.voronoi([[0, 0, 0], [1, 0, 0]], epoch=5)
+    told = [_told(10, 1.0), _told(10, 1.0)]
+    same = Moves(lambda partition, _measured, _damping: partition.with_epoch(9), cells, BOX, NOWHERE)
+    assert same.next(told) is cells
+    other = Moves(lambda _partition, _measured, _damping: Partition.slabs(FRAME, [0.5], epoch=1), cells, BOX, NOWHERE)
+    assert other.next(told).epoch == 6
+    wrong = Moves(lambda _partition, _measured, _damping: Partition.voronoi([[0, 0, 0]]), cells, BOX, NOWHERE)
+    with pytest.raises(LocalFault, match="for 1 nodes, of 2"):
+        wrong.next(told)

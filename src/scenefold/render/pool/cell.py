@@ -24,6 +24,8 @@ class Cell:
     @contextmanager
     def at_work(self) -> Iterator[None]:
         """A tracer is at work."""
+        if not self._working:
+            self._rested = trio.Event()
         self._working += 1
         try:
             yield
@@ -34,8 +36,7 @@ class Cell:
 
     async def at_rest(self) -> None:
         """Return once none of them works. Nobody begins any more."""
-        while self._working:
-            self._rested = trio.Event()
+        if self._working:
             await self._rested.wait()
 
     @property

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scenefold.base.errors import LocalFault
 from scenefold.partition import Partition
 from scenefold.partition.damping import decayed
 from scenefold.partition.families import Family
@@ -44,13 +45,17 @@ class Moves:
         return sum(one.casts for one in told) - self._casts >= rays_of_round(self._rounds, ROUND_RAYS_MAX, self._first_rays)
 
     def next(self, told: Sequence[Told]) -> Partition:
-        """What the rule says after a round; the partition itself if nothing is to move."""
+        """What the rule says after a round, in the next epoch; the partition itself if nothing is to move. LocalFault if it is for other nodes."""
         casts, busy = sum(one.casts for one in told), np.array([one.busy_seconds for one in told])
         measured = Measured(np.maximum(busy - self._busy, 0.0), *_weighted(told), self._box, self._geometry)
         # Those that go by loads alone never rest by themselves.
         damping = decayed(0.0, casts, DAMPING_HALF_RAYS) if self.partition.family == Family.VORONOI else 0.0
         self._rounds, self._casts, self._busy = self._rounds + 1, casts, busy
-        return self._rule(self.partition, measured, damping)
+        after = self._rule(self.partition, measured, damping)
+        if after.nodes != self.partition.nodes:
+            raise LocalFault(f"the rule made cells for {after.nodes} nodes, of {self.partition.nodes}")
+        is_same = (after.family, after.values) == (self.partition.family, self.partition.values)
+        return self.partition if is_same else after.with_epoch(self.partition.epoch + 1)
 
 
 def _weighted(told: Sequence[Told]) -> tuple[F64, F64]:

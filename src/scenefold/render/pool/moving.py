@@ -41,7 +41,8 @@ class Moving:
         self._next: Held | None = None
         self._left: deque[Held] = deque()
         """To be closed once no tracer of theirs works."""
-        self._has_left = trio.Event()
+        self._has_left, self._all_left = trio.Event(), trio.Event()
+        self._all_left.set()
         self._turn = trio.Lock()
         self._is_over = False
 
@@ -60,8 +61,9 @@ class Moving:
                 raise PeerFault("cells do not move that way", where=f"epoch {partition.epoch}")
             if not now.cell.can_route:
                 raise LocalFault("the renderer cannot move cells", remedy="render with fixed cells")
-            await self._all_left()
-            self._next = await self._moved(now, partition)
+            # Two cells are held at most.
+            await self._all_left.wait()
+            self._next = await self._moved(self._now(), partition)
 
     def claim(self, epoch: object, member: Member) -> None:
         """Answer for the cell that was fetched. PeerFault if it was not."""
@@ -73,6 +75,7 @@ class Moving:
         self.held, self._next = fetched, None
         member.claim(fetched.cell)
         self._left.append(now)
+        self._all_left = trio.Event()
         self._has_left.set()
 
     def claim_if_fetched(self, epoch: int, member: Member) -> None:
@@ -97,6 +100,8 @@ class Moving:
                 await self._has_left.wait()
             await self._left[0].cell.at_rest()
             await self._close(self._left.popleft())
+            if not self._left:
+                self._all_left.set()
 
     async def end(self) -> None:
         """Close everything; nothing traces any more."""
@@ -104,6 +109,7 @@ class Moving:
         scenes = {id(held.scene): held for held in (self.held, self._next, *self._left) if held is not None}
         self.held = self._next = None
         self._left.clear()
+        self._all_left.set()
         for held in scenes.values():
             await self._host.world.workers.run(LANE, held.scene.close)
 
@@ -111,15 +117,6 @@ class Moving:
         if self.held is None:
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is not ready")
         return self.held
-
-    async def _all_left(self) -> None:
-        """Two cells are held at most."""
-        while self._left:
-            held = self._left[0]
-            await held.cell.at_rest()
-            await trio.lowlevel.checkpoint()
-            if self._left and self._left[0] is held and self._is_over:
-                return
 
     async def _moved(self, now: Held, partition: Partition) -> Held:
         needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, partition, self._me)
