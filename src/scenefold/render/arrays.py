@@ -81,6 +81,10 @@ class Feature:
     NORMAL_MAP = 4
     COAT = 8
     EMISSIVE_MAP = 16
+    ROUGH_TRANSMISSION = 32
+    """A thin wall that scatters what it lets through; none of it passes in the caster's filter."""
+    SOLID = 64
+    """The boundary of a body that light enters; nothing of that passes in the caster's filter."""
 
 
 class TextureUseColumn:

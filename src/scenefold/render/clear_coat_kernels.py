@@ -1,7 +1,7 @@
 """KHR_materials_clearcoat: a layer of varnish of index 1.5 on a surface (specs/09-renderer-contract.md). In lanes.
 
 glTF mixes by the Fresnel term F of the angle between viewer and the coat's own normal: of strength c the coat mirrors c F, and what lies
-below gives c F less. The coat is GGX with a roughness and a normal of its own; values of a coated surface are
+below gives c F less; what comes through from the other side, too. The coat is GGX with a roughness and a normal of its own; values of a coated surface are
 
     f cos = (1 - c F) f_below cos_below + c F f_coat cos_coat
 
@@ -50,6 +50,8 @@ class Coat(NamedTuple):
     rough: Any
     more: Any
     """What further bounces give back, by (1 - E(i)); without strength and F."""
+    geometric: Any
+    """The geometric normal, on the viewer's side."""
     glossy: Any
     """Which share of its directions is drawn from visible normals; the others by the cosine."""
 
@@ -61,8 +63,8 @@ def coat_share(strength, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def coat_of(strength, alpha, nx, ny, nz, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """The coat whose unit normal is n, on the viewer's side, for a ray along d."""
+def coat_of(strength, alpha, nx, ny, nz, dx, dy, dz, geometric):  # type: ignore[no-untyped-def]
+    """The coat whose unit normal is n, as the geometric one on the viewer's side, for a ray along d."""
     ax, ay, az, bx, by, bz = frame_of(nx, ny, nz)
     frame = (ax, ay, az, bx, by, bz, nx, ny, nz)
     wo = into_frame(frame, -dx, -dy, -dz)
@@ -70,7 +72,7 @@ def coat_of(strength, alpha, nx, ny, nz, dx, dy, dz):  # type: ignore[no-untyped
     rough = rough_of(alpha)
     missing, _ = albedo_of(rough, wo[2])
     pick = select(strength > 0.0, min(max(share, _PICK_MIN), _PICK_MAX), 0.0)
-    return Coat(share, pick, alpha, frame, wo, rough, missing * INVERSE_PI / rough.missing, 1.0 - missing)
+    return Coat(share, pick, alpha, frame, wo, rough, missing * INVERSE_PI / rough.missing, geometric, 1.0 - missing)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -78,7 +80,14 @@ def no_coat(example):  # type: ignore[no-untyped-def]
     """In as many lanes as the example has."""
     zero = alike(0.0, example)
     nowhere = Rough(bits_of(zero), zero, zero, zero)
-    return Coat(zero, zero, zero, (zero, zero, zero, zero, zero, zero, zero, zero, zero), (zero, zero, zero), nowhere, zero, zero)
+    three, nine = (zero, zero, zero), (zero, zero, zero, zero, zero, zero, zero, zero, zero)
+    return Coat(zero, zero, zero, nine, three, nowhere, zero, three, zero)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _outside(coat, wx, wy, wz):  # type: ignore[no-untyped-def]
+    """Whether w is on the viewer's side: a coat mirrors nothing to the other one, wherever its own normal looks."""
+    return wx * coat.geometric[0] + wy * coat.geometric[1] + wz * coat.geometric[2] > 0.0
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -91,7 +100,7 @@ def coated(coat, wx, wy, wz, r, g, b, pdf, cosine):  # type: ignore[no-untyped-d
     value, density, _ = reflect_ggx(coat.wo[0], coat.wo[1], coat.wo[2], x, y, z, coat.alpha)
     missing, _ = albedo_of(coat.rough, z)
     value, density = value + coat.more * missing, coat.glossy * density + (1.0 - coat.glossy) * z * INVERSE_PI
-    above = (coat.wo[2] > 0.0) & (z > 0.0)
+    above = (coat.wo[2] > 0.0) & (z > 0.0) & _outside(coat, wx, wy, wz)
     there = coat.pick > 0.0
     divisor = max(cosine, _COSINE_MIN)
     added = select(above, coat.share * value * z, 0.0) / divisor
@@ -115,7 +124,7 @@ def sample_coat(coat, lobe, u, v):  # type: ignore[no-untyped-def]
     off_normal = lobe < coat.glossy
     x, y, z = select(off_normal, x, cx), select(off_normal, y, cy), select(off_normal, z, cz)
     wx, wy, wz = out_of_frame(coat.frame, x, y, z)
-    return wx, wy, wz, z > 0.0
+    return wx, wy, wz, (z > 0.0) & _outside(coat, wx, wy, wz)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -127,7 +136,7 @@ def seen(hit):  # type: ignore[no-untyped-def]
             hit.scene, hit.material, hit.triangle, hit.instance, hit.u, hit.v, hit.places, hit.untilted, hit.geometric, hit.way,
             hit.behind, hit.scratch, _NORMAL_USE, _NORMAL_SCALE,
         )  # fmt: skip
-        coat = coat_of(surface.coat, surface.coat_alpha, nx, ny, nz, hit.way[0], hit.way[1], hit.way[2])
+        coat = coat_of(surface.coat, surface.coat_alpha, nx, ny, nz, hit.way[0], hit.way[1], hit.way[2], hit.geometric)
     return coat
 
 

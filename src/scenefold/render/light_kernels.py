@@ -79,8 +79,10 @@ def _chosen(flag, sample, other):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def sample_light(scene, job, dice, px, py, pz, nx, ny, nz, scratch):  # type: ignore[no-untyped-def]
+def sample_light(scene, job, dice, px, py, pz, nx, ny, nz, through, scratch):  # type: ignore[no-untyped-def]
     """A light sample for the point p whose geometric normal (to the viewer's side) is n; scratch: uint32[SCRATCH_WORDS] to work in.
+
+    through: whether light from behind counts as well; where it does not, an even sky is asked above the surface only.
 
     Returns (found, wx, wy, wz, end x, y, z, r, g, b, pdf): unit direction, end point of the shadow ray,
     radiance divided by the sample's probability, and the density per steradian for multiple importance
@@ -96,7 +98,7 @@ def sample_light(scene, job, dice, px, py, pz, nx, ny, nz, scratch):  # type: ig
     to_punctual = (rest < job.choose_punctual) & opposite(to_sky)
     to_emitter = opposite(to_sky | to_punctual)
     if any_lane(to_sky):
-        sample = _chosen(to_sky, _sample_sky(scene, job, u, v, px, py, pz, nx, ny, nz), sample)
+        sample = _chosen(to_sky, _sample_sky(scene, job, u, v, px, py, pz, nx, ny, nz, through), sample)
     if any_lane(to_punctual):
         sample = _chosen(to_punctual, _sample_punctual(scene, job, rest / job.choose_punctual, px, py, pz), sample)
     if job.choose_emitter > 0.0 and any_lane(to_emitter):
@@ -105,20 +107,22 @@ def sample_light(scene, job, dice, px, py, pz, nx, ny, nz, scratch):  # type: ig
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _sample_sky(scene, job, u, v, px, py, pz, nx, ny, nz):  # type: ignore[no-untyped-def]
+def _sample_sky(scene, job, u, v, px, py, pz, nx, ny, nz, through):  # type: ignore[no-untyped-def]
     if job.has_environment:
         wx, wy, wz, r, g, b, pdf = sample_environment(scene, job, u, v)
         pdf = pdf * job.choose_sky
         ex, ey, ez = _far_end(px, py, pz, wx, wy, wz, job)
         return pdf > 1e-30, wx, wy, wz, ex, ey, ez, r / pdf, g / pdf, b / pdf, pdf
     s, c = sine_cosine_of_turns(v)
+    u, sides = select(through, 2.0 * u - 1.0, u), select(through, 2.0, 1.0)
     r = math.sqrt(max(0.0, 1.0 - u * u))
     ax, ay, az, bx, by, bz = frame_of(nx, ny, nz)
     x, y, z = r * c, r * s, u
     wx, wy, wz = x * ax + y * bx + z * nx, x * ay + y * by + z * ny, x * az + y * bz + z * nz
     ex, ey, ez = _far_end(px, py, pz, wx, wy, wz, job)
+    # Where both sides are asked, either is half as often; weights go by the density of one, which is all that who finds the sky can know.
     pdf = sky_pdf(job)
-    r, g, b = alike(job.sky[0] / pdf, px), alike(job.sky[1] / pdf, px), alike(job.sky[2] / pdf, px)
+    r, g, b = sides * (job.sky[0] / pdf), sides * (job.sky[1] / pdf), sides * (job.sky[2] / pdf)
     return alike(True, px), wx, wy, wz, ex, ey, ez, r, g, b, alike(pdf, px)
 
 

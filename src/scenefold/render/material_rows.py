@@ -47,6 +47,9 @@ _COLOURS = {
     MaterialColumn.SPECULAR_COLOR: "specular_color",
 }
 assert set(USE_COLUMNS) == set(TEXTURE_SLOTS)
+STRAIGHT_ROUGHNESS_MAX = 0.1
+"""Thin walls up to this roughness let light pass straight on, which costs no bounce and lets shadow rays through. What they would scatter
+(GGX's alpha is 0.01 then) is half a degree, less than can be told behind most panes. By the factor: a texture is not asked."""
 
 
 def material_rows(tables: SceneTables) -> tuple[F64, F64]:
@@ -82,5 +85,15 @@ def _features(material: Material) -> int:
     reflects = tints or material.specular_texture is not None or material.specular_color_texture is not None
     mapped = material.normal_texture is not None
     glows = Feature.EMISSIVE_MAP * (material.shines and material.emissive_texture is not None)
-    shown = glows | Feature.NORMAL_MAP * mapped | Feature.COAT * (material.clearcoat > 0.0)
+    shown = glows | _scattering_through(material) | Feature.NORMAL_MAP * mapped | Feature.COAT * (material.clearcoat > 0.0)
     return Feature.REFLECTION * reflects | Feature.UNLIT * material.unlit | shown
+
+
+def _scattering_through(material: Material) -> int:
+    """How the shader, and not the caster's filter, lets light through it."""
+    metal = material.metallic >= 1.0 and material.metallic_roughness_texture is None
+    if material.unlit or metal or not material.transmission > 0.0:
+        return 0
+    if material.thickness > 0.0:
+        return Feature.SOLID
+    return Feature.ROUGH_TRANSMISSION * (material.roughness > STRAIGHT_ROUGHNESS_MAX)

@@ -4,11 +4,12 @@ The file of a layer, and that of the body, has three functions; each layer also 
 probability with which directions are drawn from it and not from what lies below, 0 where a material has no such layer:
 
     seen(hit)                            the layer as it is seen from where the ray comes; hit: `Hit`
-    value(seen, wx, wy, wz, below)       (r, g, b, density, cosine) for light from the unit direction w, which lies on the side that is seen
-    draw(seen, lobe, u, v)               (x, y, z, whether it leaves): a direction by three numbers in [0, 1)
+    value(seen, wx, wy, wz, below)       (r, g, b, density, cosine) for light from the unit direction w
+    draw(seen, lobe, u, v)               (x, y, z, whether it leaves): a direction by three numbers in [0, 1), on either side
 
 `below` is `value` of what lies below, and the layer says how much of that it lets through; the body's `value` has none. A value is the BSDF without
-its cosine, the density that of `draw`. What is linked here is one kernel for the compiler: a layer costs no call.
+its cosine, the density that of `draw`. Where `scatters_through` says so, w may lie on the other side of the geometric normal than the
+viewer, and the layers give what comes through; elsewhere values of such directions mean nothing. What is linked here is one kernel for the compiler: a layer costs no call.
 """
 
 from __future__ import annotations
@@ -19,11 +20,13 @@ from numba import njit
 
 from scenefold.render import clear_coat_kernels as clear_coat
 from scenefold.render import metallic_roughness_kernels as metallic_roughness
+from scenefold.render import transmission_kernels as transmission
 from scenefold.render.lane_values_kernels import any_lane, select
 
 _BODY = (metallic_roughness.seen, metallic_roughness.value, metallic_roughness.draw)
 _LAYERS: Final = (
     (clear_coat.seen, clear_coat.value, clear_coat.draw),
+    (transmission.seen, transmission.value, transmission.draw),
 )  # fmt: skip
 """From the top down. A new one is a line here."""
 _LEAST = 1e-9

@@ -1,4 +1,6 @@
-"""Surfaces that let rays pass: alpha (mask, blend) and thin transmission (specs/07-rays.md, See-through).
+"""Surfaces that let rays pass: alpha (mask, blend) and smooth thin transmission (specs/07-rays.md, See-through).
+
+What rough walls and solid glass let through is scattered, and is the shader's (transmission_kernels.py).
 
 A ray passes such a surface, unchanged, with a probability that follows from the surface and the angle alone: the
 caster's filter draws a number from (path, bounce, kind, instance, group, primitive) and skips the candidate, so a
@@ -22,7 +24,7 @@ import math
 import numpy as np
 from numba import njit
 
-from scenefold.render.arrays import MaterialColumn
+from scenefold.render.arrays import Feature, MaterialColumn
 from scenefold.render.bsdf_kernels import dielectric_reflection
 from scenefold.render.clear_coat_kernels import coat_share
 from scenefold.render.energy_kernels import albedo_of, bounced, left_of, rough_of
@@ -49,13 +51,15 @@ _TRANSMISSION_USE, _SPECULAR_USE, _SPECULAR_COLOR_USE = (
 )
 _CLEARCOAT, _CLEARCOAT_USE = MaterialColumn.CLEARCOAT, MaterialColumn.CLEARCOAT_USE
 _SPECULAR, _SPECULAR_COLOR = MaterialColumn.SPECULAR, MaterialColumn.SPECULAR_COLOR
+_FEATURES, _SCATTERS = MaterialColumn.FEATURES, Feature.ROUGH_TRANSMISSION | Feature.SOLID
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
 def is_see_through(row):  # type: ignore[no-untyped-def]
     """Whether anything can pass a material: float32[MaterialColumn.WIDTH]."""
     # A texture may take back what the factor says of metal.
-    return row[_ALPHA_MODE] != 0.0 or (row[_TRANSMISSION] > 0.0 and (row[_METALLIC] < 1.0 or row[_MR_USE] >= 0.0))
+    transmits = row[_TRANSMISSION] > 0.0 and (int(row[_FEATURES]) & _SCATTERS) == 0
+    return row[_ALPHA_MODE] != 0.0 or (transmits and (row[_METALLIC] < 1.0 or row[_MR_USE] >= 0.0))
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -163,7 +167,7 @@ def pass_shares(scene, triangle, u, v, cosine):  # type: ignore[no-untyped-def]
         b *= w * c[i0, 2] + u * c[i1, 2] + v * c[i2, 2]
         alpha *= w * c[i0, 3] + u * c[i1, 3] + v * c[i2, 3]
     a = opacity(row, alpha)
-    if not transmission > 0.0:
+    if not transmission > 0.0 or (int(row[_FEATURES]) & _SCATTERS) != 0:
         return 1.0 - a, 1.0 - a, 1.0 - a
     reflection = dielectric_reflection(float(row[_IOR]), weight, sr, sg, sb)
     passed = a * passed_share(transmission, reflection, metallic, max(roughness * roughness, ALPHA_MIN), coat, cosine)

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from scenefold.base.rays import KIND_BOUNCE, KIND_CAMERA, KIND_POINT_SHADOW, KIND_SHADOW, PDF_DELTA
+from scenefold.render.absorption_kernels import absorbed
 from scenefold.render.arrays import Feature, MaterialColumn
 from scenefold.render.clamp_kernels import clamped
 from scenefold.render.dice_kernels import NOISE_CONTRIBUTION, NOISE_THROUGHPUT, PAIR_LOBE_ROULETTE, PAIR_SCATTER, dice_of, noise, pair
@@ -45,6 +46,7 @@ from scenefold.render.see_through_kernels import is_surely_opaque, passed_share
 from scenefold.render.space_kernels import diagonal_of_box, offset_origin
 from scenefold.render.sum_columns import ALL_AOVS, AOV_UNIT, CHANNELS, DEPTH, DEPTH_END, HIT, MATERIAL, OBJECT, POSITION, RADIANCE_UNIT
 from scenefold.render.surface_kernels import coordinates_at, material_at, reach_at, surface_at, texture_of
+from scenefold.render.transmission_kernels import scatters_through
 
 STATUS_FORWARD = 0
 """Nothing hit in this cell; the ray goes on elsewhere."""
@@ -61,7 +63,7 @@ COUNT_SHADOW_RAYS = 0
 COUNT_NOT_FINITE = 1
 COUNT_CLAMPED = 2
 
-_UNLIT, _NORMAL_MAP = np.uint32(Feature.UNLIT), np.uint32(Feature.NORMAL_MAP)
+_UNLIT, _NORMAL_MAP, _SOLID = np.uint32(Feature.UNLIT), np.uint32(Feature.NORMAL_MAP), np.uint32(Feature.SOLID)
 _EMISSIVE_MAP, _EMISSIVE, _EMISSIVE_USE = np.uint32(Feature.EMISSIVE_MAP), MaterialColumn.EMISSIVE, MaterialColumn.EMISSIVE_USE
 
 _BASE, _METALLIC, _ROUGHNESS, _EMISSION = (
@@ -201,7 +203,8 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     covered, covered2 = footprints_at(scene, job, material, triangle, instance, px, py, pz)
     places = (tu, tv, tu2, tv2, covered, covered2)
     looks = material_at(scene, material, triangle, u, v, places, scratch)
-    base_r, base_g, base_b, metallic, alpha, reflection, transmission, features, coat_strength, _ = looks
+    base_r, base_g, base_b, metallic, alpha, reflection, transmission, features, coat_strength, _, _ = looks
+    scatters = scatters_through(looks)
     dx, dy, dz = decode_direction(ray.code_u, ray.code_v)
     facing = -(dx * gx + dy * gy + dz * gz)
     front = facing > 0.0
@@ -229,7 +232,7 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
     # What the caster's filter lets pass is not shaded; what is shaded stands for the rest (see_through_kernels).
     r, g, b = decode_color(ray.color_low, ray.color_high)
     through, tint_r, tint_g, tint_b = alike(0.0, px), alike(0.0, px), alike(0.0, px), alike(0.0, px)
-    clear = (transmission > 0.0) & (metallic < 1.0)
+    clear = (transmission > 0.0) & (metallic < 1.0) & opposite(scatters)
     if any_lane(clear):
         share = passed_share(transmission, reflection, metallic, alpha, coat_strength, facing)
         least, most = min(base_r, min(base_g, base_b)), max(base_r, max(base_g, base_b))
@@ -288,10 +291,18 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         scene, material, triangle, instance, u, v, places, looks, (dx, dy, dz), (gx, gy, gz), below, (sx, sy, sz), opposite(front), scratch,
     ))  # fmt: skip
     fx, fy, fz = offset_origin(px, py, pz, gx, gy, gz, reach)
+    inside = live & opposite(front) & ((features & _SOLID) != np.uint32(0))
+    if any_lane(inside):
+        # What is emitted into the body, or lies within, was reached unattenuated: so is what light samples find there.
+        left_r, left_g, left_b = absorbed(scene, material, squared)
+        r, g, b = select(inside, r * left_r, r), select(inside, g * left_g, g), select(inside, b * left_b, b)
 
     # A shadow ray towards one light sample.
-    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(scene, job, dice, fx, fy, fz, gx, gy, gz, scratch)
-    found = live & found & (wx * gx + wy * gy + wz * gz > 0.0)
+    found, wx, wy, wz, ex, ey, ez, lr, lg, lb, light_pdf = sample_light(
+        scene, job, dice, fx, fy, fz, gx, gy, gz, scatters, scratch
+    )  # fmt: skip
+    side = wx * gx + wy * gy + wz * gz
+    found = live & found & ((side > 0.0) | (scatters & (side < 0.0)))
     if any_lane(found):
         vr, vg, vb, pdf, cosine = value(surface, wx, wy, wz)
         quantised = decode_pdf(encode_pdf(pdf * (1.0 - through)))
@@ -305,22 +316,27 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         if any_lane(lost):
             _count_lanes(counters, COUNT_NOT_FINITE, lost)
         kind = select(finite, np.uint32(KIND_SHADOW), np.uint32(KIND_POINT_SHADOW))
+        ox, oy, oz = fx, fy, fz
+        if any_lane(scatters & (side < 0.0)):
+            ox, oy, oz = _other_side(side < 0.0, (px, py, pz), (gx, gy, gz), reach, (fx, fy, fz))
         made = write_rays(
-            out, made, found & sound & (total > 0.0), scratch, fx, fy, fz, bits_of(ex), bits_of(ey), bits_of(ez),
+            out, made, found & sound & (total > 0.0), scratch, ox, oy, oz, bits_of(ex), bits_of(ey), bits_of(ez),
             low, high, ray.path, kind, ray.bounce,
         )  # fmt: skip
 
-    # The path goes on: straight through, or off one of the surface's layers.
+    # The path goes on: straight through, off one of the surface's layers, or scattered through them.
     lobe, gamble = pair(job, dice, PAIR_LOBE_ROULETTE)
     u, v = pair(job, dice, PAIR_SCATTER)
     straight = lobe < through
-    wx, wy, wz, above = draw(surface, (lobe - through) / (1.0 - through), u, v)
+    wx, wy, wz, leaves = draw(surface, (lobe - through) / (1.0 - through), u, v)
     code_u, code_v = encode_direction(wx, wy, wz)
     # From here on the direction is what its code says: the density too is that of the coded direction.
     wx, wy, wz = decode_direction(code_u, code_v)
     vr, vg, vb, pdf, cosine = value(surface, wx, wy, wz)
     pdf = pdf * (1.0 - through)
-    live = live & (straight | (above & (wx * gx + wy * gy + wz * gz > 0.0) & (pdf > 0.0)))
+    side = wx * gx + wy * gy + wz * gz
+    live = live & (straight | (leaves & ((side > 0.0) | (scatters & (side < 0.0))) & (pdf > 0.0)))
+    behind = straight | (side < 0.0)
     weight = cosine / pdf
     next_pdf = select(straight, np.uint32(PDF_DELTA), encode_pdf(pdf))
     r, g, b = (
@@ -328,9 +344,8 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         select(straight, g * tint_g, g * vg * weight),
         select(straight, b * tint_b, b * vb * weight),
     )
-    if any_lane(live & straight):
-        ox, oy, oz = offset_origin(px, py, pz, -gx, -gy, -gz, reach)
-        fx, fy, fz = select(straight, ox, fx), select(straight, oy, fy), select(straight, oz, fz)
+    if any_lane(live & behind):
+        fx, fy, fz = _other_side(behind, (px, py, pz), (gx, gy, gz), reach, (fx, fy, fz))
         code_u, code_v = select(straight, ray.code_u, code_u), select(straight, ray.code_v, code_v)
     sound = r + g + b < math.inf
     lost = live & opposite(sound)
@@ -348,6 +363,13 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         out, made, live, scratch, fx, fy, fz, code_u, code_v, next_pdf, low, high, ray.path,
         alike(np.uint32(KIND_BOUNCE), ray.path), ray.bounce + np.uint32(1),
     )  # fmt: skip
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
+def _other_side(behind, point, normal, reach, origin):  # type: ignore[no-untyped-def]
+    """The origin, or where the flag is set that of a ray that leaves to the side from which the normal looks away."""
+    x, y, z = offset_origin(point[0], point[1], point[2], -normal[0], -normal[1], -normal[2], reach)
+    return select(behind, x, origin[0]), select(behind, y, origin[1]), select(behind, z, origin[2])
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)

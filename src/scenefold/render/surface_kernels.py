@@ -18,7 +18,7 @@ from scenefold.render.texture_kernels import sample_use_over
 
 _BASE, _METALLIC, _ROUGHNESS = MaterialColumn.BASE, MaterialColumn.METALLIC, MaterialColumn.ROUGHNESS
 _BASE_USE, _MR_USE = MaterialColumn.BASE_USE, MaterialColumn.METALLIC_ROUGHNESS_USE
-_REFLECTION, _COAT = np.uint32(Feature.REFLECTION), np.uint32(Feature.COAT)
+_REFLECTION, _COAT, _SOLID = np.uint32(Feature.REFLECTION), np.uint32(Feature.COAT), np.uint32(Feature.SOLID)
 _CLEARCOAT, _CLEARCOAT_USE, _CLEARCOAT_ROUGHNESS, _CLEARCOAT_ROUGHNESS_USE = (
     MaterialColumn.CLEARCOAT,
     MaterialColumn.CLEARCOAT_USE,
@@ -53,6 +53,8 @@ class Surface(NamedTuple):
     coat: Any
     """Strength of the clear coat."""
     coat_alpha: Any
+    glass: Any
+    """How much of it is solid glass; `transmission` is 0 there, and `metallic` of the rest."""
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -217,4 +219,9 @@ def material_at(scene, material, triangle, u, v, places, scratch):  # type: igno
     if any_lane(transmission > 0.0):
         tr, _, _, _ = texture_of(scene, material, _TRANSMISSION_USE, places, scratch)
         transmission = transmission * tr
-    return Surface(r, g, b, metallic, max(roughness * roughness, ALPHA_MIN), reflection, transmission, features, coat, coat_alpha)
+    glass, solid = alike(0.0, u), (features & _SOLID) != np.uint32(0)
+    if any_lane(solid):
+        glass = select(solid, transmission * (1.0 - metallic), 0.0)
+        transmission = select(solid, 0.0, transmission)
+        metallic = select(glass < 1.0, min(metallic / (1.0 - glass), 1.0), metallic)
+    return Surface(r, g, b, metallic, max(roughness * roughness, ALPHA_MIN), reflection, transmission, features, coat, coat_alpha, glass)

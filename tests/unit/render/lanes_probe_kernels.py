@@ -304,7 +304,7 @@ def _lights(scene, job, points, samples, normal, out, scratch):
         dice = _dice(job, _alike(np.uint32(77), number), number, _alike(np.uint32(2), number))
         found = _light(
             scene, job, dice, _take(points[0], i), _take(points[1], i), _take(points[2], i),
-            _alike(normal[0], _take(points[0], i)), _alike(normal[1], _take(points[0], i)), _alike(normal[2], _take(points[0], i)),
+            _alike(normal[0], _take(points[0], i)), _alike(normal[1], _take(points[0], i)), _alike(normal[2], _take(points[0], i)), _alike(False, number),
             scratch,
         )  # fmt: skip
         _put(out[0], i, _select(found[0], 1.0, 0.0))

@@ -54,6 +54,23 @@ def test_each_slot_names_its_use_and_alike_ones_are_one() -> None:
     assert named == list(range(len(TEXTURE_SLOTS))) and len(uses) == len(TEXTURE_SLOTS) + 1
 
 
+def test_thickness_makes_glass_solid_and_roughness_makes_walls_scatter() -> None:
+    solid, rough = Feature.SOLID, Feature.ROUGH_TRANSMISSION
+    for material, expected in (
+        (Material(transmission=0.5, roughness=0.1), 0),
+        (Material(transmission=0.5, roughness=0.11), rough),
+        # The factor decides: what its texture makes of it is not asked.
+        (Material(transmission=0.5, metallic_roughness_texture=TextureUse(0)), rough),
+        (Material(transmission=0.5, roughness=0.0, thickness=1e-9), solid),
+        (Material(transmission=1.0, metallic=1.0, thickness=1.0), 0),
+        (Material(transmission=1.0, metallic=1.0, metallic_roughness_texture=TextureUse(0), thickness=1.0), solid),
+        (Material(roughness=0.5, thickness=1.0), 0),
+        (Material(transmission=1.0, unlit=True, thickness=1.0), Feature.UNLIT),
+    ):
+        (row,), _ = rows_of(material)
+        assert row[MaterialColumn.FEATURES] == expected, material
+
+
 def test_what_is_unlit_has_no_light_and_no_glass() -> None:
     (row, plain), _ = rows_of(Material(unlit=True, emissive=(1.0, 1.0, 1.0), transmission=1.0), Material())
     assert row[MaterialColumn.UNLIT] == 1 and row[MaterialColumn.FEATURES] == Feature.UNLIT and plain[MaterialColumn.FEATURES] == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenefold.render.arrays import MaterialColumn
+from scenefold.render.arrays import Feature, MaterialColumn
 from scenefold.render.see_through_kernels import is_see_through
 
 
@@ -27,3 +27,6 @@ def test_what_may_pass_a_material(alpha_mode: int, transmission: float, metallic
     row[MaterialColumn.ALPHA_MODE], row[MaterialColumn.TRANSMISSION], row[MaterialColumn.METALLIC] = alpha_mode, transmission, metallic
     row[MaterialColumn.METALLIC_ROUGHNESS_USE] = texture
     assert is_see_through(row) == passes
+    for feature in (Feature.ROUGH_TRANSMISSION, Feature.SOLID):
+        row[MaterialColumn.FEATURES] = feature
+        assert is_see_through(row) == (alpha_mode != 0), "what scatters is the shader's"

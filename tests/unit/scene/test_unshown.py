@@ -23,18 +23,10 @@ def scene(*materials: Material, colors: bool = False) -> SourceScene:
 def test_what_is_rendered_is_not_named() -> None:
     turned = TextureUse(1, transform=(2.0, 0.0, 0.0, 0.0, 2.0, 0.0))
     plain = Material(base_color_texture=TextureUse(0), metallic_roughness_texture=turned, emissive=(1.0, 2.0, 3.0), transmission=0.5)
-    assert unshown(scene(Material(), plain, colors=True)) == []
-
-
-def test_what_is_kept_for_later_is_named_once_with_its_number() -> None:
-    lines = unshown(
-        scene(
-            Material(clearcoat_normal_texture=TextureUse(0), clearcoat=1.0),
-            Material(normal_texture=TextureUse(0), occlusion_texture=TextureUse(0), emissive_texture=TextureUse(0)),
-            Material(transmission=1.0, thickness=0.1, transmission_texture=TextureUse(0), specular=0.5, unlit=True),
-        )
-    )
-    assert lines == ["insides of glass, kept but not rendered yet (1)"]
+    coated = Material(clearcoat_normal_texture=TextureUse(0), clearcoat=1.0)
+    mapped = Material(normal_texture=TextureUse(0), occlusion_texture=TextureUse(0), emissive_texture=TextureUse(0))
+    solid = Material(transmission=1.0, thickness=0.1, attenuation_distance=2.0, attenuation_color=(0.5, 0.5, 0.5), specular=0.5)
+    assert unshown(scene(Material(), plain, coated, mapped, solid, colors=True)) == []
 
 
 def test_where_a_light_is_cut_off_is_kept_only() -> None:

@@ -22,7 +22,7 @@ from scenefold.render.contract import NoRoomForTrees
 from scenefold.render.renderers.embree.tree_memory import MONITOR, TreeMemory
 
 ISA: Final = "avx2"
-ARITHMETIC: Final = 5
+ARITHMETIC: Final = 6
 """Of our own kernels: one more whenever a change of theirs changes the bits of an image."""
 
 _GEOMETRY_TRIANGLE = 0

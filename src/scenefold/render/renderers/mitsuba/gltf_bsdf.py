@@ -9,13 +9,16 @@
 but that nothing is lost (specs/09-renderer-contract.md, with the tables of ggx_albedo.py): further(F) is what comes out after more than one
 bounce, and the diffuse body c (1 - S(V))(1 - S(L)) / (pi (1 - Smean)) has what the layer's albedo S leaves, both ways.
 
-Alpha and thin transmission (KHR_materials_transmission, infinitely thin, seen unblurred) are the null component: what
+Alpha and smooth thin transmission (KHR_materials_transmission, infinitely thin) are the null component: what
 passes straight on is 1 - a + a q c, q = transmission (1 - metallic)(1 - S(cosine at the geometric normal)).
+Of rough walls it is transmission (1 - metallic) c times the specular lobe, mirrored through the surface, with 1 - F in place of F, and what
+is missing of that to 1 - S. A solid body (KHR_materials_volume) is Walter's rough dielectric, whose radiance goes by the square of the
+index, tinted by c, mixed in by transmission (1 - metallic); what is scattered at its inner side was absorbed on the way from the ray's origin.
 
 Over it lies KHR_materials_clearcoat: mix(material, GGX with all bounces, c F), F Schlick's term of 0.04 at the angle of the viewer.
 
 Normals: the shading normal is turned to the side of the geometric one that is seen, and where it looks away from the viewer the
-geometric one takes its place; no light passes a surface from one geometric side to the other, but straight on.
+geometric one takes its place; a side is that of the geometric normal, and of the shading normal as well.
 Mitsuba's microfacet distribution and warps draw the directions.
 """
 
@@ -65,14 +68,19 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
     mi, dr = mitsuba.mi, mitsuba.dr
 
     class GltfBsdf(mi.BSDF):  # type: ignore[name-defined, misc]
-        """Components: 0 straight on (null), 1 reflection."""
+        """Components: 0 straight on (null), 1 reflection, 2 scattered through."""
 
         def __init__(self, looks: Looks) -> None:
             mi.BSDF.__init__(self, mi.Properties("scenefold_gltf"))
             self.looks = looks
             both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-            self.m_components = [mi.BSDFFlags.Null | both, mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.DiffuseReflection | both]
-            self.m_flags = self.m_components[0] | self.m_components[1] if looks.may_pass else self.m_components[1]
+            components = [mi.BSDFFlags.Null | both, mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.DiffuseReflection | both]
+            flags = components[0] | components[1] if looks.may_pass else components[1]
+            self.scatters = looks.solid or looks.rough_wall
+            if self.scatters:
+                components.append(mi.BSDFFlags.GlossyTransmission | mi.BSDFFlags.DiffuseTransmission | both)
+                flags |= components[2]
+            self.m_components, self.m_flags = components, flags
 
         def _frame(self, si: Any, of_coat: bool = False) -> tuple[Any, Any, Any]:
             """(frame around the turned shading normal, tilted by its map or by that of the coat, turned geometric normal, viewer's direction in the world)."""
@@ -131,6 +139,8 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             _, n, towards = self._frame(si)
             missing, grazing, missing_mean, _ = self._albedo(roughness, dr.dot(n, towards))
             left = self._left(self._dielectric(si, 1.0, active), self.looks.specular(si, active)[0], missing, grazing, missing_mean)
+            if self.scatters:
+                return mi.Color3f(1.0 - opacity)
             q = self.looks.transmission(si, active) * (1.0 - metallic) * left
             if self.looks.coated:
                 q *= 1.0 - self._coat(si, dr.dot(n, towards), active)[0]
@@ -144,6 +154,55 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             # Smith's height-correlated visibility, V of the appendix, is G2 / (4 N.L N.V).
             visibility = 0.5 / (l.z * dr.sqrt(dr.square(v.z) * (1.0 - a2) + a2) + v.z * dr.sqrt(dr.square(l.z) * (1.0 - a2) + a2))
             return visibility * distribution.eval(h), distribution.pdf(v, h) / (4.0 * dr.dot(v, h))
+
+        def _share_through(self, si: Any, active: Any) -> Any:
+            """Transmission of what is no metal, Float."""
+            return self.looks.transmission(si, active) * (1.0 - self.looks.roughness_metallic(si, active)[1])
+
+        def _chance_through(self, si: Any, active: Any) -> Any:
+            """With which probability, where neither passed nor off a coat, a direction is drawn from the lobe of glass, or beyond a wall."""
+            return dr.clip(self._share_through(si, active), 0.0, 1.0 if self.looks.solid else 0.9)
+
+        def _index(self, si: Any, towards: Any) -> Any:
+            """Of what lies beyond the surface by what is on the viewer's side."""
+            ior = dr.maximum(self.looks.ior, 1.0 + 2.0**-10)
+            return dr.select(dr.dot(si.n, towards) > 0.0, ior, 1.0 / ior)
+
+        def _glass(self, v: Any, l: Any, alpha: Any, eta: Any) -> tuple[Any, Any]:
+            """Value without tint and cosine, and density, of a rough dielectric, on both sides."""
+            reflects = l.z > 0.0
+            h = dr.normalize(v + l * dr.select(reflects, 1.0, eta))
+            h = dr.select(h.z < 0.0, -h, h)
+            a2, vh, lh = alpha * alpha, dr.dot(v, h), dr.dot(l, h)
+            fresnel, _, _, _ = mi.fresnel(vh, eta)
+            distribution = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
+            # 1 + Lambda(v) + Lambda(l), height-correlated as in the appendix.
+            tails = [dr.sqrt(1.0 + a2 * (dr.square(w.x) + dr.square(w.y)) / dr.square(w.z)) for w in (v, l)]
+            shadowing = 2.0 / (tails[0] + tails[1])
+            bent = dr.square(eta) * dr.abs(lh) / dr.square(vh + eta * lh)
+            value = dr.select(
+                reflects, fresnel / 4.0, (1.0 - fresnel) * vh * bent
+            ) * distribution.eval(h) * shadowing / (v.z * dr.abs(l.z))  # fmt: skip
+            density = distribution.pdf(v, h) * dr.select(reflects, fresnel / (4.0 * vh), (1.0 - fresnel) * bent)
+            good = (vh > 0.0) & dr.select(reflects, lh > 0.0, lh < 0.0)
+            return dr.select(good, value, 0.0), dr.select(good, density, 0.0)
+
+        def _beyond(self, v: Any, l: Any, alpha: Any, roughness: Any, f0: Any, f90: Any) -> tuple[Any, Any]:
+            """Value without tint and cosine, and density, of what comes through a rough wall, l.z < 0."""
+            mirrored = mi.Vector3f(l.x, l.y, -l.z)
+            specular, density = self._mirror(v, mirrored, alpha)
+            missing_v, _, missing, _ = self._albedo(roughness, v.z)
+            missing_l, _, _, _ = self._albedo(roughness, mirrored.z)
+            further = missing_v * missing_l * dr.inv_pi / dr.maximum(missing, 1e-9)
+            f0 = dr.max(f0)
+            fresnel = self._fresnel(f0, dr.dot(v, dr.normalize(v + mirrored)), f90)
+            value = specular * (1.0 - fresnel) + (1.0 - self._further(f0, f90, missing)) * further
+            return value, dr.lerp(mirrored.z * dr.inv_pi, density, _COAT_GLOSSY)
+
+        def _absorbed(self, si: Any, towards: Any) -> Any:
+            """What is left of light after the way to here through a solid body, Color3f."""
+            within = dr.select(dr.dot(si.n, towards) < 0.0, si.t, 0.0)
+            return dr.exp(-self.looks.extinction * within)
 
         def _coat(self, si: Any, cosine: Any, active: Any) -> tuple[Any, Any, Any]:
             """The coat's share, the chance to sample it, and its roughness."""
@@ -163,7 +222,7 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             return straight, share
 
         def _value_and_density(self, si: Any, wo: Any, active: Any) -> tuple[Any, Any]:
-            """BSDF times cosine (Color3f) and density per steradian of reflecting into `wo`, as `sample` does it."""
+            """BSDF times cosine (Color3f) and density per steradian of scattering into `wo`, as `sample` does it."""
             frame, n, towards = self._frame(si)
             out = si.to_world(wo)
             v, l = frame.to_local(towards), frame.to_local(out)
@@ -180,12 +239,26 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             further = missing_v * missing_l * dr.inv_pi / dr.maximum(missing, 1e-9)
             left = self._left(f0, f90, missing_v, grazing_v, missing) * self._left(f0, f90, missing_l, grazing_l, missing)
             left /= dr.maximum(self._left(f0, f90, missing, grazing, missing), 1e-6)
-            diffuse = left * (1.0 - self.looks.transmission(si, active)) * base * dr.inv_pi
+            thin = 0.0 if self.looks.solid else self.looks.transmission(si, active)
+            diffuse = left * (1.0 - thin) * base * dr.inv_pi
             dielectric = diffuse + f_d * specular + self._further(f0, f90, missing) * further
             metal = specular * self._fresnel(base, cosine) + self._further(base, 1.0, missing) * further
             value = (1.0 - metallic) * dielectric + metallic * metal
             straight, share = self._chances(si, active, v)
             density = share * density + (1.0 - share) * l.z * dr.inv_pi
+            if self.scatters:
+                through, chance = self._share_through(si, active), self._chance_through(si, active)
+                beyond = active & (v.z > 0.0) & (l.z < 0.0) & (dr.dot(out, n) < 0.0)
+                if self.looks.solid:
+                    plain = mi.Color3f(metallic * metal + (1.0 - metallic - through) * dielectric)
+                    glass, glass_density = self._glass(v, l, alpha, self._index(si, towards))
+                    value = dr.select(beyond, through * glass * base, plain + through * glass)
+                else:
+                    glass, glass_density = self._beyond(v, l, alpha, roughness, f0, f90)
+                    value, glass_density = dr.select(beyond, through * glass * base, value), dr.select(beyond, glass_density, 0.0)
+                density = dr.select(beyond, 0.0, (1.0 - chance) * density) + chance * glass_density
+                good |= beyond
+                l = mi.Vector3f(l.x, l.y, dr.abs(l.z))
             if self.looks.coated:
                 coat_frame, _, _ = self._frame(si, of_coat=True)
                 cv, cl = coat_frame.to_local(towards), coat_frame.to_local(out)
@@ -199,7 +272,11 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
                 added = dr.select(mirrors, veil * coat_value * cl.z * opacity, 0.0)
                 total = dr.select(good, (1.0 - veil) * value * opacity * l.z, 0.0) + added
                 density = dr.select(good, (1.0 - pick) * density, 0.0) + dr.select(mirrors, pick * coat_density, 0.0)
+                if self.looks.solid:
+                    total *= self._absorbed(si, towards)
                 return dr.select(active, total, 0.0), dr.select(active, (1.0 - straight) * density, 0.0)
+            if self.looks.solid:
+                value *= self._absorbed(si, towards)
             if self.looks.unlit:
                 value = mi.Color3f(0.0)
             return dr.select(good, value * opacity * l.z, 0.0), dr.select(good, (1.0 - straight) * density, 0.0)
@@ -226,6 +303,22 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             l = dr.select(rest < share, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))
             out = frame.to_world(l)
             leaves = l.z > 0.0
+            if self.scatters:
+                chance = self._chance_through(si, active)
+                of_lobe, within = rest < chance, rest / dr.maximum(chance, 1e-9)
+                if self.looks.solid:
+                    fresnel, cosine_t, _, eta_ti = mi.fresnel(dr.dot(v, h), self._index(si, towards))
+                    reflects = within < fresnel
+                    lobe = dr.select(reflects, mi.reflect(v, h), mi.refract(v, h, cosine_t, eta_ti))
+                    right = dr.select(reflects, lobe.z > 0.0, lobe.z < 0.0)
+                else:
+                    lobe = dr.select(within < _COAT_GLOSSY, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))
+                    right = lobe.z > 0.0
+                    lobe = mi.Vector3f(lobe.x, lobe.y, -lobe.z)
+                after = (rest - chance) / dr.maximum(1.0 - chance, 1e-9)
+                l = dr.select(after < share, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))
+                l, leaves = dr.select(of_lobe, lobe, l), dr.select(of_lobe, right, l.z > 0.0)
+                out = frame.to_world(l)
             if self.looks.coated:
                 out = dr.select(off_coat, coat_frame.to_world(mirrored), out)
                 leaves = dr.select(off_coat, mirrored.z > 0.0, leaves)
@@ -235,8 +328,13 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             density = dr.select(leaves, density, 0.0)
             bs.pdf = dr.select(passes, straight, density)
             bs.eta = 1.0
-            bs.sampled_component = dr.select(passes, mi.UInt32(0), mi.UInt32(1))
-            bs.sampled_type = dr.select(passes, mi.UInt32(+mi.BSDFFlags.Null), mi.UInt32(+mi.BSDFFlags.GlossyReflection))
+            component, kind = mi.UInt32(1), mi.UInt32(+mi.BSDFFlags.GlossyReflection)
+            if self.scatters:
+                crosses = dr.dot(si.to_world(bs.wo), si.n) * dr.dot(towards, si.n) < 0.0
+                component = dr.select(crosses, mi.UInt32(2), component)
+                kind = dr.select(crosses, mi.UInt32(+mi.BSDFFlags.GlossyTransmission), kind)
+            bs.sampled_component = dr.select(passes, mi.UInt32(0), component)
+            bs.sampled_type = dr.select(passes, mi.UInt32(+mi.BSDFFlags.Null), kind)
             weight = dr.select(density > 0.0, value / dr.maximum(density, 1e-30), 0.0)
             if self.looks.may_pass:
                 weight = dr.select(passes, self._passing(si, active) / dr.maximum(straight, 1e-9), weight)

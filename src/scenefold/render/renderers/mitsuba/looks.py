@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from scenefold.render.arrays import F32, I64, U8, MaterialColumn, SceneArrays, TextureColumn, TextureUseColumn
+from scenefold.render.arrays import F32, I64, U8, Feature, MaterialColumn, SceneArrays, TextureColumn, TextureUseColumn
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 
 _WRAPS = ("repeat", "clamp", "mirror")
@@ -35,6 +35,13 @@ class Looks:
         self.coated = row[MaterialColumn.CLEARCOAT] > 0.0
         self.unlit = row[MaterialColumn.UNLIT] != 0.0
         self.ior = mi.Float(float(row[MaterialColumn.IOR]))
+        features = int(row[MaterialColumn.FEATURES])
+        self.solid, self.rough_wall = bool(features & Feature.SOLID), bool(features & Feature.ROUGH_TRANSMISSION)
+        with np.errstate(divide="ignore"):
+            colour = row[MaterialColumn.ATTENUATION_COLOR : MaterialColumn.ATTENUATION_COLOR + 3].astype(np.float64)
+            extinction = np.minimum(-np.log(colour) / float(row[MaterialColumn.ATTENUATION_DISTANCE]), 1e30)
+        self.extinction = mi.Color3f(*extinction.tolist())
+        """Of the inside of a solid body, per unit of the world."""
         for value in (
             self._color,
             self._alpha,
@@ -48,13 +55,15 @@ class Looks:
             self._coat,
             self._coat_roughness,
             self.ior,
+            self.extinction,
         ):
             dr.make_opaque(value)
         self.shines = self.unlit or bool((row[MaterialColumn.EMISSION : MaterialColumn.EMISSION + 3] > 0.0).any())
         self.double_sided = row[MaterialColumn.DOUBLE_SIDED] != 0.0
         self._mode = float(row[MaterialColumn.ALPHA_MODE])
         wholly_metal = row[MaterialColumn.METALLIC] >= 1.0 and row[MaterialColumn.METALLIC_ROUGHNESS_USE] < 0
-        self.may_pass = self._mode != 0.0 or bool(row[MaterialColumn.TRANSMISSION] > 0.0 and not wholly_metal)
+        straight = row[MaterialColumn.TRANSMISSION] > 0.0 and not (wholly_metal or self.solid or self.rough_wall)
+        self.may_pass = self._mode != 0.0 or bool(straight)
         base, rough = int(row[MaterialColumn.BASE_USE]), int(row[MaterialColumn.METALLIC_ROUGHNESS_USE])
         self._base = _Read.of(mitsuba, arrays, base, slice(0, 3))
         self._base_alpha = _Read.of(mitsuba, arrays, base, slice(3, 4)) if self._mode else None

@@ -1,0 +1,182 @@
+"""If this fails, light is lost or made on its way through rough walls and glass, or goes elsewhere than its density says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from unit.render import transmission_probe_kernels as probe
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A surface that lets light through: thin and rough, or the boundary of glass."""
+
+    base: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    metallic: float = 0.0
+    alpha: float = 0.25
+    reflection: tuple[float, float, float, float] = (0.04, 0.04, 0.04, 1.0)
+    thin: float = 0.0
+    glass: float = 0.0
+    ior: float = 1.5
+    behind: bool = False
+
+    def _looks(self) -> tuple[object, ...]:
+        return (
+            np.array(self.base), self.metallic, self.alpha, self.reflection, self.thin, self.glass, self.ior, self.behind,
+        )  # fmt: skip
+
+    def evaluate(self, wo: Floats, wi: Floats) -> Floats:
+        """Value, density and cosine, f64[n, 5]."""
+        found: Floats = probe.evaluations(np.ascontiguousarray(np.broadcast_to(wo, wi.shape)), np.ascontiguousarray(wi), *self._looks())
+        return found
+
+    def sample(self, wo: Floats, count: int, seed: int = 1) -> Floats:
+        """Directions, f64[n, 3]; 0 where there is none."""
+        found: Floats = probe.scattered(wo, *self._looks(), np.random.default_rng(seed).random((count, 3)))
+        return found
+
+    def shares(self, wo: Floats, count: int) -> tuple[Floats, Floats]:
+        """What each drawn direction brings of an even light, f64[n, 3], and which of them lie beyond."""
+        wi = self.sample(wo, count)
+        found = self.evaluate(wo, wi)
+        good = wi.any(axis=1) & (found[:, 3] > 0)
+        weights = np.where(good[:, None], found[:, :3] * found[:, 4:] / np.where(good, found[:, 3], 1.0)[:, None], 0.0)
+        return weights, wi[:, 2] < 0
+
+
+def seen_from(cosine: float) -> Floats:
+    sine, turn = math.sqrt(1 - cosine * cosine), 0.7
+    return np.array([sine * math.cos(turn), sine * math.sin(turn), cosine])
+
+
+def everywhere(count: int, seed: int) -> Floats:
+    numbers = np.random.default_rng(seed).normal(size=(count, 3))
+    found: Floats = numbers / np.linalg.norm(numbers, axis=1)[:, None]
+    return found
+
+
+@pytest.mark.parametrize("cosine", [0.05, 0.2, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("roughness", [0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0])
+@pytest.mark.parametrize("reflection", [(0.04, 0.04, 0.04, 1.0), (0.2, 0.2, 0.2, 0.6), (0.0, 0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("thin", [0.6, 1.0])
+def test_a_white_wall_gives_on_all_that_it_gets(thin: float, reflection: tuple[float, ...], roughness: float, cosine: float) -> None:
+    count = 100_000
+    wall = Wall(alpha=roughness**2, reflection=reflection, thin=thin)  # type: ignore[arg-type]
+    weights, _ = wall.shares(seen_from(cosine), count)
+    error = 4 * weights.std(axis=0) / math.sqrt(count)
+    assert (error < 0.02).all()
+    assert (np.abs(weights.mean(axis=0) - 1.0) < 0.004 + error).all(), (weights.mean(axis=0), error)
+
+
+def test_metal_and_colour_take_from_what_passes() -> None:
+    wo, count = seen_from(0.7), 200_000
+    plain, beyond = Wall(thin=0.8).shares(wo, count)
+    dyed, there = Wall(base=(0.5, 0.25, 1.0), metallic=0.5, thin=0.8).shares(wo, count)
+    passed, coloured = plain[beyond].sum(axis=0) / count, dyed[there].sum(axis=0) / count
+    assert coloured == pytest.approx(passed * 0.5 * np.array([0.5, 0.25, 1.0]), rel=0.02)
+
+
+@pytest.mark.parametrize("behind", [False, True])
+@pytest.mark.parametrize("cosine", [0.1, 0.4, 0.7, 1.0])
+def test_smooth_glass_gives_on_all_that_it_gets(cosine: float, behind: bool) -> None:
+    weights, beyond = Wall(alpha=1e-3, glass=1.0, behind=behind).shares(seen_from(cosine), 50_000)
+    assert weights.mean(axis=0) == pytest.approx(1.0, abs=2e-3)
+    if behind and cosine == 0.4:
+        assert not beyond.any(), "all is reflected"
+
+
+LOST = {0.2: (0.002, 0.006), 0.3: (0.006, 0.027), 0.5: (0.029, 0.139), 0.7: (0.076, 0.302), 1.0: (0.2, 0.522)}
+"""Of even light on rough glass of index 1.5, from without and from within: what would come out after more bounces (specs/09)."""
+
+
+@pytest.mark.parametrize("behind", [False, True])
+@pytest.mark.parametrize("roughness", LOST)
+def test_rough_glass_loses_no_more_than_is_said(roughness: float, behind: bool) -> None:
+    wall, count = Wall(alpha=roughness**2, glass=1.0, behind=behind), 10_000
+    given = np.array([wall.shares(seen_from(math.sqrt((row + 0.5) / 40)), count)[0].mean() for row in range(40)])
+    assert given.max() < 1.001
+    assert 1.0 - given.mean() == pytest.approx(LOST[roughness][behind], abs=0.004)
+
+
+@pytest.mark.parametrize("eta", [1.5, 1 / 1.5, 1.001])
+def test_fresnel_is_that_of_the_equations(eta: float) -> None:
+    cosines = np.linspace(0.01, 1, 200)
+    inside, outside = cosines.astype(complex), np.sqrt(1 - (1 - cosines**2) / eta**2 + 0j)
+    s, p = (inside - eta * outside) / (inside + eta * outside), (eta * inside - outside) / (eta * inside + outside)
+    found = probe.reflectances(cosines, eta)
+    assert found[:, 0] == pytest.approx((abs(s) ** 2 + abs(p) ** 2) / 2, abs=1e-9)
+    assert found[:, 1] == pytest.approx(outside.real, abs=1e-9)
+
+
+WALLS = {
+    "thin": Wall(thin=0.8, alpha=0.16), "dull": Wall(thin=1.0, alpha=1.0, base=(0.9, 0.5, 0.2)),
+    "strong": Wall(thin=0.7, alpha=0.5, reflection=(0.2, 0.5, 0.1, 0.8), metallic=0.3), "glass": Wall(glass=1.0, alpha=0.36),
+    "dense": Wall(glass=1.0, ior=2.4, alpha=0.6), "within": Wall(glass=1.0, behind=True, alpha=0.36),
+    "partly": Wall(glass=0.6, base=(0.8, 0.5, 0.2), alpha=0.5), "partly within": Wall(glass=0.6, alpha=0.5, behind=True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("cosine", [0.15, 0.6, 0.99])
+@pytest.mark.parametrize("name", WALLS)
+def test_directions_on_both_sides_are_drawn_with_the_density_that_is_told(name: str, cosine: float) -> None:
+    """Chi-square over 24 x 24 equal solid angles of the whole sphere."""
+    wall, wo, count, rows, columns, cuts = WALLS[name], seen_from(cosine), 200_000, 24, 24, 24
+    wi = wall.sample(wo, count)
+    wi = wi[wi.any(axis=1)]
+    counts = np.histogram2d(wi[:, 2], np.arctan2(wi[:, 1], wi[:, 0]), (rows, columns), ((-1, 1), (-np.pi, np.pi)))[0]
+    expected = np.zeros((rows, columns))
+    for i in range(cuts):
+        for j in range(cuts):
+            z = (np.arange(rows) + (i + 0.5) / cuts) / rows * 2 - 1
+            phi = (np.arange(columns) + (j + 0.5) / cuts) / columns * 2 * np.pi - np.pi
+            r = np.sqrt(1 - z * z)
+            grid = np.stack([np.outer(r, np.cos(phi)), np.outer(r, np.sin(phi)), np.repeat(z[:, None], columns, 1)], -1)
+            expected += wall.evaluate(wo, grid.reshape(-1, 3))[:, 3].reshape(rows, columns)
+    expected *= 4 * np.pi / (rows * columns) / cuts**2 * count
+    filled = expected > 8
+    distance = ((counts - expected) ** 2 / np.maximum(expected, 1e-9))[filled].sum()
+    freedom = int(filled.sum())
+    assert (distance - freedom) / math.sqrt(2 * freedom) < 5, "counts do not follow the density"
+    assert expected.sum() <= count * 1.01
+
+
+@pytest.mark.parametrize("name", ["thin", "dull", "strong", "glass", "dense"])
+def test_light_takes_either_way_through_a_wall_alike(name: str) -> None:
+    """The other way it is seen from behind, in a frame turned about. Light in glass is denser by the square of the index."""
+    forth = WALLS[name]
+    back = Wall(**{**vars(forth), "behind": True})
+    a, b = everywhere(4000, 3), everywhere(4000, 4)
+    a[:, 2], b[:, 2] = abs(a[:, 2]), -abs(b[:, 2])
+    there, here = forth.evaluate(a, b)[:, :3], back.evaluate(b * (1, 1, -1), a * (1, 1, -1))[:, :3]
+    here *= forth.ior**2 if forth.glass else 1.0
+    assert there.max() > 0 and np.abs(there - here).max() <= 1e-9 * there.max()
+
+
+@pytest.mark.parametrize("ior", [1.0, 1.0 + 1e-7, 1.5, 1000.0])
+@pytest.mark.parametrize("alpha", [1e-3, 1.0])
+@pytest.mark.parametrize("behind", [False, True])
+def test_numbers_are_sound_whatever_the_index(ior: float, alpha: float, behind: bool) -> None:
+    wall = Wall(glass=1.0, ior=ior, alpha=alpha, behind=behind)
+    for cosine in (1e-4, 0.3, 1.0):
+        weights, _ = wall.shares(seen_from(cosine), 4000)
+        assert np.isfinite(weights).all() and weights.min() >= 0 and weights.max() < 2
+        found = wall.evaluate(seen_from(cosine), everywhere(4000, 5))
+        assert np.isfinite(found).all() and found.min() >= 0
+    if ior <= 1.001:
+        wi = wall.sample(seen_from(0.8), 1000)
+        assert np.linalg.norm(wi + seen_from(0.8), axis=1).max() < 0.02, "nearly straight on"
+
+
+def test_powers_of_colours() -> None:
+    color, ways = (axis.ravel() for axis in np.meshgrid([1e-6, 0.1, 0.5, 0.9, 0.999, 1.0], [0.0, 0.01, 1.0, 3.3, 50.0, 1e30, math.inf]))
+    found = probe.powers(color, ways)
+    assert found == pytest.approx(color**ways, rel=2e-4, abs=1e-30)
+    assert probe.powers(np.array([0.0, 0.0]), np.array([1e-3, math.inf])).tolist() == [0.0, 0.0]
+    assert np.isfinite(probe.powers(np.array([0.5, 1e-45, 2.0]), np.full(3, math.nan))).all()
