@@ -120,7 +120,7 @@ def test_weights_of_one_and_white_tints_change_nothing() -> None:
 def test_transmission_is_what_factor_and_texture_say() -> None:
     """Of a black body nothing but the reflection and what passes is left; a second one says how much is reflected."""
     use = TextureUse(0, nearest=True)
-    clear = Material(base_color=(1.0, 1.0, 1.0, 1.0), transmission=0.8, transmission_texture=use, ior=1.0)
+    clear = Material(base_color=(1.0, 1.0, 1.0, 1.0), transmission=0.8, transmission_texture=use, ior=1.0, roughness=0.1)
     image = shown(clear, square(), samples=512, depth=1, sky=(1.0, 1.0, 1.0))
     assert np.abs(image.beauty[..., 0] - 0.8 * expected(use)[..., 0]).max() < 0.1
     assert abs((image.beauty[..., 0] - 0.8 * expected(use)[..., 0]).mean()) < 0.01
@@ -231,7 +231,7 @@ TINTED = Material(
     base_color=(0.6, 0.3, 0.2, 1.0), roughness=0.6, specular=0.8, specular_color=(9.0, 2.0, 0.0),
     specular_texture=TextureUse(0), specular_color_texture=TextureUse(0, 1),
 )  # fmt: skip
-CLEAR = Material(base_color=(0.9, 0.6, 0.3, 1.0), roughness=0.5, transmission=0.7, transmission_texture=TextureUse(0), specular=0.5)
+CLEAR = Material(base_color=(0.9, 0.6, 0.3, 1.0), roughness=0.1, transmission=0.7, transmission_texture=TextureUse(0), specular=0.5)
 COATED = Material(
     base_color=(0.6, 0.3, 0.2, 1.0), roughness=0.8, clearcoat=0.9, clearcoat_texture=TextureUse(0),
     clearcoat_roughness=0.7, clearcoat_roughness_texture=TextureUse(0, 1),
@@ -240,11 +240,16 @@ TILTED = replace(
     COATED, metallic=0.5, normal_texture=TextureUse(0, transform=TURNED), normal_scale=0.4,
     clearcoat_normal_texture=TextureUse(0), clearcoat_normal_scale=0.3,
 )  # fmt: skip
+ROUGH = replace(CLEAR, roughness=0.6, clearcoat=0.7, clearcoat_roughness=0.4)
+SOLID = replace(ROUGH, thickness=1.0, metallic=0.2)
 BARE = Material(base_color=(0.5, 1.0, 0.25, 1.0), base_color_texture=TextureUse(0), unlit=True)
 
 
+LOOKS = ["tinted", "clear", "rough", "solid", "unlit", "coated", "tilted"]
+
+
 @pytest.mark.skipif(not library.is_installed() or not library.llvm_library(), reason="mitsuba is an optional extra, and needs LLVM")
-@pytest.mark.parametrize("material", [TINTED, CLEAR, BARE, COATED, TILTED], ids=["tinted", "clear", "unlit", "coated", "tilted"])
+@pytest.mark.parametrize("material", [TINTED, CLEAR, ROUGH, SOLID, BARE, COATED, TILTED], ids=LOOKS)
 def test_mitsuba_agrees(material: Material) -> None:
     """Under an even sky and a sun from aside, pixel by pixel."""
     sun = PunctualLight(kind="directional", direction=(-0.6, -0.3, -np.sqrt(0.55)), color=(2.0, 2.0, 2.0))

@@ -33,13 +33,15 @@ from scenefold.render.bsdf_kernels import (
     sample_visible_normal,
 )
 from scenefold.render.energy_kernels import Rough, albedo_of, bounced, left_of, rough_of
+from scenefold.render.ggx_albedo import ALPHA_MIN
 from scenefold.render.lane_values_kernels import alike, any_lane, bits_of, gather, select
 from scenefold.render.math_kernels import INVERSE_PI
 from scenefold.render.refraction_kernels import rough_dielectric, sample_rough_dielectric
 
 _IOR, _ROUGH = MaterialColumn.IOR, np.uint32(Feature.ROUGH_TRANSMISSION)
 _IOR_MIN = 1.0 + 2.0**-10
-"""With an index of 1 a boundary would neither reflect nor bend, and its density would have no number."""
+"""With an index of 1 a boundary would neither reflect nor bend, and its density would have no number. One of no more is as smooth as any,
+so that it is not seen, however rough it is said to be: facets that do not bend light hide none of it either."""
 _PICK_MIN, _PICK_MAX = 0.1, 0.95
 
 
@@ -98,6 +100,7 @@ def transmission_of(r, g, b, metallic, alpha, reflection, thin, glass, ior, behi
     others = (1.0 - metallic) * (1.0 - left + (1.0 - thin) * bright * left) + metallic * bright
     pick = select(passes > 0.0, min(max(through / max(through + others, 1e-9), _PICK_MIN), _PICK_MAX), glass)
     index = max(ior, _IOR_MIN)
+    alpha = select((glass > 0.0) & (ior <= _IOR_MIN), ALPHA_MIN, alpha)
     eta = select(behind, 1.0 / index, index)
     more = (1.0 - again) * missing * INVERSE_PI / rough.missing
     return Transmission(

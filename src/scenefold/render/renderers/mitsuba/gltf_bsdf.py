@@ -34,6 +34,7 @@ from scenefold.render.renderers.mitsuba.looks import Looks
 
 ALPHA_LEAST = 1e-3
 """Smoother surfaces are rendered as this smooth (specs/09-renderer-contract.md)."""
+_IOR_LEAST = 1.0 + 2.0**-10
 _HIDDEN = 1e-4
 _COAT_GLOSSY = 0.75
 """How often a coat's directions are drawn from its microfacets, and not by the cosine."""
@@ -155,6 +156,10 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             visibility = 0.5 / (l.z * dr.sqrt(dr.square(v.z) * (1.0 - a2) + a2) + v.z * dr.sqrt(dr.square(l.z) * (1.0 - a2) + a2))
             return visibility * distribution.eval(h), distribution.pdf(v, h) / (4.0 * dr.dot(v, h))
 
+        def _glass_alpha(self, alpha: Any) -> Any:
+            """Facets that bend no light hide none."""
+            return dr.select(self.looks.ior > _IOR_LEAST, alpha, ALPHA_LEAST)
+
         def _share_through(self, si: Any, active: Any) -> Any:
             """Transmission of what is no metal, Float."""
             return self.looks.transmission(si, active) * (1.0 - self.looks.roughness_metallic(si, active)[1])
@@ -165,7 +170,7 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
 
         def _index(self, si: Any, towards: Any) -> Any:
             """Of what lies beyond the surface by what is on the viewer's side."""
-            ior = dr.maximum(self.looks.ior, 1.0 + 2.0**-10)
+            ior = dr.maximum(self.looks.ior, _IOR_LEAST)
             return dr.select(dr.dot(si.n, towards) > 0.0, ior, 1.0 / ior)
 
         def _glass(self, v: Any, l: Any, alpha: Any, eta: Any) -> tuple[Any, Any]:
@@ -251,7 +256,7 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
                 beyond = active & (v.z > 0.0) & (l.z < 0.0) & (dr.dot(out, n) < 0.0)
                 if self.looks.solid:
                     plain = mi.Color3f(metallic * metal + (1.0 - metallic - through) * dielectric)
-                    glass, glass_density = self._glass(v, l, alpha, self._index(si, towards))
+                    glass, glass_density = self._glass(v, l, self._glass_alpha(alpha), self._index(si, towards))
                     value = dr.select(beyond, through * glass * base, plain + through * glass)
                 else:
                     glass, glass_density = self._beyond(v, l, alpha, roughness, f0, f90)
@@ -283,7 +288,7 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
 
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
             """See `mi.BSDF`."""
-            frame, _, towards = self._frame(si)
+            frame, n, towards = self._frame(si)
             v = frame.to_local(towards)
             straight, share = self._chances(si, active, v)
             roughness, _ = self.looks.roughness_metallic(si, active)
@@ -307,9 +312,11 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
                 chance = self._chance_through(si, active)
                 of_lobe, within = rest < chance, rest / dr.maximum(chance, 1e-9)
                 if self.looks.solid:
-                    fresnel, cosine_t, _, eta_ti = mi.fresnel(dr.dot(v, h), self._index(si, towards))
+                    glass_alpha = self._glass_alpha(alpha)
+                    facet, _ = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, glass_alpha, glass_alpha, True).sample(v, sample2)
+                    fresnel, cosine_t, _, eta_ti = mi.fresnel(dr.dot(v, facet), self._index(si, towards))
                     reflects = within < fresnel
-                    lobe = dr.select(reflects, mi.reflect(v, h), mi.refract(v, h, cosine_t, eta_ti))
+                    lobe = dr.select(reflects, mi.reflect(v, facet), mi.refract(v, facet, cosine_t, eta_ti))
                     right = dr.select(reflects, lobe.z > 0.0, lobe.z < 0.0)
                 else:
                     lobe = dr.select(within < _COAT_GLOSSY, mi.reflect(v, h), mi.warp.square_to_cosine_hemisphere(sample2))
@@ -321,7 +328,7 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
                 out = frame.to_world(l)
             if self.looks.coated:
                 out = dr.select(off_coat, coat_frame.to_world(mirrored), out)
-                leaves = dr.select(off_coat, mirrored.z > 0.0, leaves)
+                leaves = dr.select(off_coat, (mirrored.z > 0.0) & (dr.dot(out, n) > 0.0), leaves)
             bs = dr.zeros(mi.BSDFSample3f)
             bs.wo = dr.select(passes, -si.wi, si.to_local(out))
             value, density = self._value_and_density(si, bs.wo, active)
