@@ -13,7 +13,7 @@ from typing import Any
 
 import trio
 
-from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
@@ -93,7 +93,7 @@ class MemoryHost:
         return answer
 
     async def send(self, node: NodeId, packet: Packet) -> None:
-        await self._pool.deliver(f"node:{self.node_id}", node, packet)
+        await self._pool.carry(f"node:{self.node_id}", node, packet)
 
     def opened(self, keys: SealedKeys, genesis: bytes, job: int) -> EpochKeys:
         self.keys.append(open_keys(keys, self.node_id, self.sealing, About(CLUSTER, genesis, job)))
@@ -116,6 +116,8 @@ class MemoryPool:
         self.hosts = {node: MemoryHost(self, node) for node in self.nodes}
         self.delivered: dict[NodeId, list[bytes]] = {node: [] for node in self.nodes}
         """What each node was told, by whomever."""
+        self.complaints: list[ScenefoldError] = []
+        """Of packets without an answer."""
 
     async def deliver(self, peer: str, node: NodeId, packet: Packet) -> Packet | None:
         await trio.lowlevel.checkpoint()
@@ -128,6 +130,13 @@ class MemoryPool:
         self.delivered[node].append(encode_packet(packet))
         answer = await handler(decode_packet(encode_packet(packet)), peer)
         return None if answer is None else decode_packet(encode_packet(answer))
+
+    async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
+        """Deliver what has no answer: who sent it does not hear what becomes of it."""
+        try:
+            await self.deliver(peer, node, packet)
+        except (Refused, PeerFault) as error:
+            self.complaints.append(error)
 
     async def ask(self, node: NodeId, packet: Packet) -> Any:
         return await self.deliver(USER, node, packet)

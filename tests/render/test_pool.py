@@ -16,6 +16,7 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.pool.share import load_share, read_tables
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
+    AcknowledgeRays,
     CancelJob,
     CollectPass,
     FilmPart,
@@ -279,7 +280,8 @@ async def test_a_chosen_node_that_has_left_is_passed_over(room: Records) -> None
         MergeFilm(job=86),
         FilmPart(job=86, part_index=0, part_count=1, payload=b""),
         JobEvent(job=86, document=pack_value({"go": True})),
-        PassCounts(job=86, pass_index=0, attempt=0, created=1, retired=1, sent=0, received=0),
+        PassCounts(job=86, pass_index=0, attempt=0, created=1, retired=1, sent=0, received=0, link_sequence=1),
+        AcknowledgeRays(job=86, all_until=0, selective=b""),
         SendRays(job=86, frame=0, pass_index=0, attempt=0, partition_epoch=1, link_sequence=1, render_location=(), count=0, rays=b""),
     ],
     ids=lambda packet: type(packet).__name__,

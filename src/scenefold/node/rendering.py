@@ -29,6 +29,7 @@ from scenefold.render.sealed_keys import About, SealedKeys, open_keys
 from scenefold.scene.head import SceneHead, check_head, check_unedited
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
+    AcknowledgeRays,
     CancelJob,
     CollectPass,
     FetchFilm,
@@ -60,7 +61,7 @@ READS_AT_A_TIME = 3
 
 
 ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart)
-ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, PassCounts, CollectPass, MergeFilm)
+ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, PassCounts, CollectPass, MergeFilm)
 
 
 class RenderExtension:

@@ -141,6 +141,7 @@ if TYPE_CHECKING:
     )
     from scenefold.wire.pool_packets import (
         AcceptPoolJoin,
+        AcknowledgeRays,
         RejectPoolJoin,
         RequestLocalPoolJoin,
         RequestRemotePoolJoin,
@@ -244,7 +245,7 @@ _HOMES = {
     "member_packets": "BlacklistChanged ChangeBlacklist DrainNode NodeReport ProbeFor ProbeResult RequestProof RequestReport ReturnProof",
     "members": "Member ParticipantEntry",
     "own_packets": "Fault ListScenes RequestTable RespondTable ScenesListed",
-    "pool_packets": "AcceptPoolJoin RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
+    "pool_packets": "AcceptPoolJoin AcknowledgeRays RejectPoolJoin RequestLocalPoolJoin RequestRemotePoolJoin SendRays",
     "purge_packets": "AskPlaces DropPurged PlaceState PlacesAsked PurgeItem PurgeOrder PurgeRecords PurgedDropped RecordsPurged",
     "render_packets": "CancelJob CollectPass FetchFilm FetchImage FilmPart ImagePart JobAnswer JobEvent JobState JobStateReply MergeFilm PassCounts PassSums StartJob",
     "render_settings": "PathSettings RenderSettings",
@@ -283,6 +284,7 @@ __all__ = [
     "AcceptSceneProposal",
     "AcceptValue",
     "AcknowledgeLosses",
+    "AcknowledgeRays",
     "AddNode",
     "AddObserver",
     "AddParticipant",

@@ -1,4 +1,4 @@
-"""Packets 19 to 23: render pools and the rays that their nodes pass on (thesis C.5, C.6)."""
+"""Packets 19 to 23, and 46: render pools and the rays that their nodes pass on (thesis C.5, C.6)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scenefold.wire.common import F64, REASON, U32, U64, Carrier, Packet, row
 from scenefold.wire.containers import Many
 from scenefold.wire.kinds import Bin
 
+SELECTIVE_BYTES_MAX = 32
 RENDER_LOCATION = Many(F64, counts=(0, 1, 3))
 
 
@@ -62,6 +63,16 @@ class SendRays(Packet):
     rays: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class AcknowledgeRays(Packet):
+    """Of the packets of a job's link the receiver has all up to a number, and those behind it whose bits are set (specs/30-ray-links.md)."""
+
+    TYPE: ClassVar[int] = 46
+    job: int
+    all_until: int
+    selective: bytes
+
+
 ROWS = (
     row(RequestLocalPoolJoin, Carrier.UDP_HIGH, ("scene_frame", U64)),
     row(RequestRemotePoolJoin, Carrier.UDP_HIGH, ("render_pool", U32), ("scene_frame", U64)),
@@ -80,4 +91,5 @@ ROWS = (
         ("count", U32),
         ("rays", Bin(BULK_BYTES_MAX)),
     ),
+    row(AcknowledgeRays, Carrier.BOTH_LOW, ("job", U64), ("all_until", U64), ("selective", Bin(SELECTIVE_BYTES_MAX))),
 )

@@ -61,6 +61,7 @@ class PassCounts(Packet):
     retired: int
     sent: int
     received: int
+    link_sequence: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +163,7 @@ ROWS = (
     row(JobAnswer, Carrier.TCP_LOW, _JOB, ("reason", REASON_OR_0), ("text", MESSAGE)),
     row(JobState, Carrier.TCP_LOW, _JOB),
     row(JobStateReply, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
-    row(PassCounts, Carrier.TCP_LOW, *_PASS, *_LEDGER),
+    row(PassCounts, Carrier.TCP_LOW, *_PASS, *_LEDGER, ("link_sequence", U64)),
     row(CollectPass, Carrier.TCP_LOW, *_PASS),
     row(PassSums, Carrier.TCP_LOW, *_PASS, *_LEDGER, *_SHARE, law=_COUNTED),
     row(MergeFilm, Carrier.TCP_LOW, _JOB),

@@ -73,7 +73,6 @@ RESERVED: dict[int, str] = {
     30: "of the thesis's range",
     31: "of the thesis's range",
     45: "PurgeRecord, which became 102",
-    46: "ReturnCredits",
     47: "WatchEvents",
     61: "TerminationToken",
     62: "FetchGeometry",

@@ -1,6 +1,6 @@
 """A node's part in a job: it traces what lies in its cell, passes rays on, and closes its own passes.
 
-    rays in (SendRays) --> WorkQueue --> tracer in a worker thread --> PeerOutbox --> rays out
+    rays in (SendRays) --> WorkQueue --> tracer in a worker thread --> Link --> rays out
                                               |
                                          PassSums by pass, collected by the pass's owner --> Film
 
@@ -13,12 +13,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import trio
 
-from scenefold.base.errors import PeerFault
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.ids import address_of
 from scenefold.base.rays import RAY_BYTES, RAY_WORDS
+from scenefold.base.reasons import RejectReason
 from scenefold.render.arrays import U32
 from scenefold.render.contract import Tracer
 from scenefold.render.film import EVERY_ROW, Film, GoesOn
@@ -27,11 +30,12 @@ from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.hit_sample import HitSample
-from scenefold.render.pool.outbox import PeerOutbox
-from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner
+from scenefold.render.pool.links.link import Link
+from scenefold.render.pool.outbox import SMALL_BYTES
+from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner, sequence_of
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.work import Work, WorkQueue
-from scenefold.wire import CollectPass, JobEvent, Packet, PassCounts, PassSums, SendRays, pack_value
+from scenefold.wire import AcknowledgeRays, CollectPass, Packet, PassCounts, PassSums, SendRays
 from scenefold.world import World
 
 COLLECT_S_MAX = 120.0
@@ -70,7 +74,7 @@ class Member:
         """`ask` and `send` reach the job's node of an index: with an answer, and without."""
         self._job, self._me, self._stride, self._world = job, me, stride, world
         self._cell = cell
-        self._ask, self._send = ask, send
+        self._ask = ask
         self._plan = job.plan
         self._own = OwnPasses(self._plan, job.nodes, me)
         self._queue = WorkQueue()
@@ -78,14 +82,17 @@ class Member:
         self._counts: dict[int, Counts] = {}
         self._reported: dict[int, Counts] = {}
         self._sums: dict[int, dict[int, Sums]] = {}
-        self._outboxes = {index: PeerOutbox() for index in range(len(job.nodes)) if index != me}
+        self._links = {
+            index: Link(job, address_of(node), world.clock, partial(send, index), self._knows_closed)
+            for index, node in enumerate(job.nodes)
+            if index != me
+        }
         self._changed = trio.Event()
         self._astray: deque[Work] = deque()
         """Rays to be addressed anew."""
         self._strayed = trio.Event()
         self._opening = False
         self._closing = trio.Lock()
-        self._link_sequence = 0
         self._nursery: trio.Nursery | None = None
         self.film = Film(job.window.width, job.window.height, job.columns)
         self.statistics = MemberStatistics()
@@ -95,8 +102,8 @@ class Member:
 
     # What other nodes tell us --------------------------------------------------------------------------------
 
-    def on_rays(self, packet: SendRays) -> None:
-        """Rays that flew into this node's cell. PeerFault if the packet is ill-formed."""
+    def on_rays(self, node: int, packet: SendRays) -> None:
+        """Rays that flew into this node's cell, unless they came before. PeerFault if the packet is ill-formed."""
         number = packet.pass_index
         if len(packet.rays) != packet.count * RAY_BYTES or number >= self._plan.count:
             raise PeerFault("a packet of rays is ill-formed", where=f"pass {number}, {len(packet.rays)} bytes")
@@ -104,6 +111,8 @@ class Member:
         paths = rays[:, 7] >> np.uint32(16)
         if len(rays) and int(paths.max()) >= self._plan.size(number):
             raise PeerFault("a ray belongs to a path that its pass does not have", where=f"pass {number}")
+        if not self._link(node).counts(packet.link_sequence, SMALL_BYTES + len(packet.rays)):
+            return
         self._count(number, Counts(received=len(rays)))
         self.statistics.rays_received += len(rays)
         if packet.partition_epoch > self._cell.partition.epoch:
@@ -117,6 +126,7 @@ class Member:
 
     def on_counts(self, node: int, packet: PassCounts) -> None:
         """Another node's counts of one of our passes."""
+        self._link(node).counts(packet.link_sequence, SMALL_BYTES)
         self._report(node, packet.pass_index, Counts(packet.created, packet.retired, packet.sent, packet.received))
 
     async def on_collect(self, packet: CollectPass) -> PassSums:
@@ -139,9 +149,25 @@ class Member:
             payload=payload,
         )
 
-    def on_closed(self, node: int, number: object) -> None:
+    def on_closed(self, node: int, number: object, link_sequence: object) -> None:
         """A pass was closed by its owner: what we kept for it may go. PeerFault or Refused if another says so."""
-        self._forget(closed_pass(self._plan, len(self._job.nodes), node, number))
+        closed, sequence = closed_pass(self._plan, len(self._job.nodes), node, number), sequence_of(link_sequence)
+        if self._link(node).counts(sequence, SMALL_BYTES):
+            self._forget(closed)
+
+    def on_acknowledged(self, node: int, packet: AcknowledgeRays) -> None:
+        """What we sent to another node has come. PeerFault if it was never sent."""
+        self._link(node).acknowledged(packet)
+
+    def _link(self, node: int) -> Link:
+        link = self._links.get(node)
+        if link is None:
+            raise Refused(RejectReason.NOT_AUTHORISED, "a node sends itself no rays")
+        return link
+
+    def _knows_closed(self, number: int) -> None:
+        self._own.told(number)
+        self._wake()
 
     def go_on_with(self, goes_on: GoesOn) -> None:
         """All passes of the level before are closed, and these rows go on."""
@@ -200,8 +226,8 @@ class Member:
         """Trace until cancelled. Whatever fails here fails the job on this node."""
         async with trio.open_nursery() as nursery:
             self._nursery = nursery
-            for index, outbox in self._outboxes.items():
-                nursery.start_soon(self._deliver, index, outbox)
+            for link in self._links.values():
+                nursery.start_soon(link.run)
             for index in range(len(self._cell.tracers)):
                 nursery.start_soon(self._trace, index)
             nursery.start_soon(self._readdress)
@@ -213,8 +239,18 @@ class Member:
 
     @property
     def packets_sent(self) -> int:
-        """Packets of rays that this node sent."""
-        return sum(outbox.frames_sent for outbox in self._outboxes.values())
+        """Packets of rays that this node sent, each once."""
+        return sum(link.packets_sent for link in self._links.values())
+
+    @property
+    def packets_resent(self) -> int:
+        """Packets that this node sent again, of all that ride on links."""
+        return sum(link.packets_resent for link in self._links.values())
+
+    @property
+    def acknowledgements_sent(self) -> int:
+        """For what came over links."""
+        return sum(link.acknowledgements_sent for link in self._links.values())
 
     @property
     def closed(self) -> int:
@@ -226,29 +262,6 @@ class Member:
         """How many passes this node owns."""
         return self._own.total
 
-    async def _deliver(self, index: int, outbox: PeerOutbox) -> None:
-        async def send_rays(epoch: int, number: int, rays: U32) -> None:
-            self._link_sequence += 1
-            await self._send(
-                index,
-                SendRays(
-                    job=self._job.id,
-                    frame=self._job.frame,
-                    pass_index=number,
-                    attempt=0,
-                    partition_epoch=epoch,
-                    link_sequence=self._link_sequence,
-                    render_location=(),
-                    count=len(rays),
-                    rays=rays.tobytes(),
-                ),
-            )
-
-        async def send(packet: Packet) -> None:
-            await self._send(index, packet)
-
-        await outbox.run(send_rays, send)
-
     async def _trace(self, thread: int) -> None:
         workers, clock = self._world.workers, self._world.clock
         while True:
@@ -258,8 +271,8 @@ class Member:
                 continue
             work = self._queue.take()
             if work is None:
-                for outbox in self._outboxes.values():
-                    outbox.hurry()
+                for link in self._links.values():
+                    link.hurry()
                 changed = self._changed
                 await changed.wait()
                 continue
@@ -319,7 +332,7 @@ class Member:
     def _dispatch(self, cell: Cell, number: int, leaving: dict[int, U32]) -> int:
         sent = 0
         for index, rays in leaving.items():
-            self._outboxes[index].put_rays(cell.partition.epoch, number, rays)
+            self._links[index].put_rays(cell.partition.epoch, number, rays)
             sent += len(rays)
         self.statistics.rays_sent += sent
         return sent
@@ -338,17 +351,7 @@ class Member:
         if owner == self._me:
             self._report(self._me, number, counts)
             return
-        self._outboxes[owner].put_message(
-            PassCounts(
-                job=self._job.id,
-                pass_index=number,
-                attempt=0,
-                created=counts.created,
-                retired=counts.retired,
-                sent=counts.sent,
-                received=counts.received,
-            )
-        )
+        self._links[owner].put_counts(number, counts)
 
     def _report(self, node: int, number: int, counts: Counts) -> None:
         ledger = self._own.ledgers.get(number)
@@ -377,7 +380,7 @@ class Member:
         while True:
             replies.clear()
             async with trio.open_nursery() as nursery:
-                for index in self._outboxes:
+                for index in self._links:
                     nursery.start_soon(read, index)
             state = ledger.collected(self._me, self._counts.get(number, Counts()))
             for index, reply in replies.items():
@@ -390,9 +393,9 @@ class Member:
         async with self._closing:
             await self._world.workers.run(FILM_LANE, self._close, number, [reply.payload for reply in replies.values()])
         self._forget(number)
-        self._own.close(number)
-        for outbox in self._outboxes.values():
-            outbox.put_message(JobEvent(job=self._job.id, document=pack_value({"closed": number})))
+        self._own.close(number, len(self._links))
+        for link in self._links.values():
+            link.put_closed(number)
         self._wake()
 
     def _close(self, number: int, payloads: list[bytes]) -> None:

@@ -37,6 +37,13 @@ def closed_pass(plan: PassPlan, nodes: int, node: int, number: object) -> int:
     return number
 
 
+def sequence_of(value: object) -> int:
+    """The number that a packet has on its link; PeerFault if it is none."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise PeerFault("a packet has no number on its link", where=f"{value!r:.40}")
+    return value
+
+
 class OwnPasses:
     """One node's passes of a job, in order. Pure."""
 
@@ -51,10 +58,13 @@ class OwnPasses:
         self.total = len(self._waiting)
         self.closed = 0
         self.ledgers: dict[int, PassLedger] = {}
+        self._untold: dict[int, int] = {}
+        """Closed passes, and how many nodes may still keep sums of them."""
 
     def may_open(self) -> bool:
-        """Whether a pass waits and few enough are open."""
-        return bool(self._waiting) and self._waiting[-1] < self._until and len(self.ledgers) < self._open_max
+        """Whether a pass waits and few enough are open, or still kept by others since they do not know that these are closed."""
+        few = len(self.ledgers) < self._open_max and len(self.ledgers) + len(self._untold) < 2 * self._open_max
+        return bool(self._waiting) and self._waiting[-1] < self._until and few
 
     def skip(self, first: int) -> None:
         """Passes below this number were closed by others before."""
@@ -71,7 +81,15 @@ class OwnPasses:
         self.ledgers[number] = PassLedger(self._nodes)
         return number
 
-    def close(self, number: int) -> None:
-        """A pass's sums are in the film."""
+    def close(self, number: int, untold: int = 0) -> None:
+        """A pass's sums are in the film. So many nodes are to be told."""
         del self.ledgers[number]
         self.closed += 1
+        if untold:
+            self._untold[number] = untold
+
+    def told(self, number: int) -> None:
+        """One more node knows that a pass is closed."""
+        self._untold[number] -= 1
+        if not self._untold[number]:
+            del self._untold[number]

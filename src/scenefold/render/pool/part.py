@@ -178,6 +178,8 @@ class Part:
                 "shadow_casts": statistics.shadow_casts,
                 "rays_sent": statistics.rays_sent,
                 "packets_sent": self._member.packets_sent,
+                "packets_resent": self._member.packets_resent,
+                "acknowledgements_sent": self._member.acknowledgements_sent,
                 "rays_received": statistics.rays_received,
                 "busy_seconds": statistics.busy_seconds,
                 "epoch": self._member.cell.partition.epoch,

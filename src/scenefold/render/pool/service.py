@@ -1,4 +1,4 @@
-"""The render service of a node: answers packets 48 to 60, 126 and 23, and owns the tasks of all jobs here."""
+"""The render service of a node: answers packets 48 to 60, 126, 23 and 46, and owns the tasks of all jobs here."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from scenefold.render.pool.places import Places
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.telling import reason_of, words_of
 from scenefold.wire import (
+    AcknowledgeRays,
     CancelJob,
     CollectPass,
     FetchFilm,
@@ -74,6 +75,7 @@ class RenderService:
         host.handle(CancelJob, self._on_cancel, nodes_only=False)
         host.handle(JobEvent, self._on_event, nodes_only=True)
         host.handle(SendRays, self._on_rays, nodes_only=True)
+        host.handle(AcknowledgeRays, self._on_acknowledged, nodes_only=True)
         host.handle(PassCounts, self._on_counts, nodes_only=True)
         host.handle(CollectPass, self._on_collect, nodes_only=True)
         host.handle(MergeFilm, self._on_merge, nodes_only=True)
@@ -212,11 +214,16 @@ class RenderService:
             self._check_organiser(packet.job, peer)
             await part.stay(document["forget"])
         elif isinstance(document, dict) and "closed" in document:
-            part.member().on_closed(self._index(part, peer), document["closed"])
+            part.member().on_closed(self._index(part, peer), document["closed"], document.get("link_sequence"))
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_rays(self, packet: SendRays, peer: str) -> None:
-        self._part_with(packet.job, peer).member().on_rays(packet)
+        part = self._part(packet.job)
+        part.member().on_rays(self._index(part, peer), packet)
+
+    async def _on_acknowledged(self, packet: AcknowledgeRays, peer: str) -> None:
+        part = self._part(packet.job)
+        part.member().on_acknowledged(self._index(part, peer), packet)
 
     async def _on_counts(self, packet: PassCounts, peer: str) -> None:
         part = self._part(packet.job)

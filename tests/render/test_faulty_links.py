@@ -1,0 +1,187 @@
+"""If this fails, a packet between nodes that is lost, doubled, reordered or late leaves a pass open for ever, or changes the image.
+
+All that rides on links is treated so, and what acknowledges it; packets that have an answer are not.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trio
+
+from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
+from render.test_pool import MATERIALS, ROOM
+from scenefold.base.errors import Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.render.job import RenderOptions
+from scenefold.render.pool import mover, organiser
+from scenefold.render.pool.links import link, round_trip, sender
+from scenefold.wire import AcknowledgeRays, Packet, SendRays
+from scenefold.world.real.world import offline_world
+
+OPTIONS = RenderOptions(width=160, height=120, samples=16, seed=3, sky=(0.2, 0.3, 0.5), algorithm="kd")
+JOB = 11
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Shares of packets that are lost and doubled; and of those that are late, which others overtake."""
+
+    lost: float = 0.0
+    doubled: float = 0.0
+    late: float = 0.0
+
+
+class FaultyPool(MemoryPool):
+    """Carries packets that have no answer as an unreliable network does."""
+
+    faults = Faults()
+    network: trio.Nursery
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.chance = random.Random(9)
+        self.carried: Counter[str] = Counter()
+        self.dropped: Counter[str] = Counter()
+
+    async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
+        name = type(packet).__name__
+        self.carried[name] += 1
+        await trio.lowlevel.checkpoint()
+        for _ in range(1 + (self.chance.random() < self.faults.doubled)):
+            if self.chance.random() < self.faults.lost:
+                self.dropped[name] += 1
+            else:
+                self.network.start_soon(self._arrive, peer, node, packet, self.chance.random() < self.faults.late)
+
+    async def _arrive(self, peer: str, node: NodeId, packet: Packet, is_late: bool) -> None:
+        if is_late:
+            await trio.sleep(0.05 * self.chance.random())
+        await super().carry(peer, node, packet)
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Records:
+    folder: Path = tmp_path_factory.mktemp("room")
+    (folder / "room.obj").write_text(ROOM)
+    (folder / "room.mtl").write_text(MATERIALS)
+    return records_of(folder / "room.obj")
+
+
+@pytest.fixture(scope="module")
+def alone(room: Records) -> str:
+    async def render() -> str:
+        async with memory_pool(offline_world(), room, 1) as pool:
+            image, _ = await pool.render(JOB, OPTIONS)
+        return sha256_of(image)
+
+    return trio.run(render)
+
+
+@pytest.fixture(autouse=True)
+def is_quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """These jobs are short."""
+    monkeypatch.setattr(mover, "LOOK_S", 0.01)
+    monkeypatch.setattr(organiser, "POLL_S", 0.01)
+    monkeypatch.setattr(round_trip, "RTO_S_MIN", 0.1)
+
+
+@asynccontextmanager
+async def faulty_pool(records: Records, nodes: int, faults: Faults, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FaultyPool]:
+    monkeypatch.setattr("render.pool_in_memory.MemoryPool", FaultyPool)
+    async with trio.open_nursery() as network:
+        monkeypatch.setattr(FaultyPool, "faults", faults)
+        monkeypatch.setattr(FaultyPool, "network", network, raising=False)
+        async with memory_pool(offline_world(), records, nodes) as pool:
+            assert isinstance(pool, FaultyPool)
+            yield pool
+        network.cancel_scope.cancel()
+
+
+FAULTS = {
+    "lost": Faults(lost=0.05),
+    "doubled": Faults(doubled=0.05),
+    "late": Faults(late=0.3),
+    "all": Faults(lost=0.2, doubled=0.2, late=0.3),
+}
+
+
+@pytest.mark.parametrize("faults", FAULTS.values(), ids=FAULTS)
+@pytest.mark.parametrize("moving", [False, True], ids=["fixed", "moving"])
+@pytest.mark.parametrize("nodes", [2, 5])
+async def test_the_image_is_the_same(
+    room: Records, alone: str, nodes: int, moving: bool, faults: Faults, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with faulty_pool(room, nodes, faults, monkeypatch) as pool:
+        image, state = await pool.render(JOB, replace(OPTIONS, moving=moving))
+        assert image and sha256_of(image) == alone
+    told = state["nodes"]
+    assert sum(node["rays_sent"] for node in told) == sum(node["rays_received"] for node in told)
+    assert state["moved"] >= 1 or not moving
+    if faults.lost:
+        assert sum(pool.dropped.values()) and sum(node["packets_resent"] for node in told)
+    assert not [error for error in pool.complaints if "takes no part" not in str(error)]
+
+
+async def test_without_faults_nothing_is_sent_twice_and_little_is_added(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(round_trip, "RTO_S_MIN", 8.0)
+    async with faulty_pool(room, 5, Faults(), monkeypatch) as pool:
+        image, state = await pool.render(JOB, replace(OPTIONS, moving=False))
+    assert sha256_of(image) == alone
+    assert sum(node["packets_resent"] for node in state["nodes"]) == 0
+    on_links = sum(pool.carried.values()) - pool.carried["AcknowledgeRays"]
+    print(dict(pool.carried))
+    assert pool.carried["AcknowledgeRays"] < on_links
+
+
+async def test_what_was_told_twice_is_not_counted_twice(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every packet comes three times."""
+
+    class Thrice(FaultyPool):
+        async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
+            for _ in range(3):
+                await super().carry(peer, node, packet)
+
+    monkeypatch.setattr("render.pool_in_memory.MemoryPool", Thrice)
+    async with trio.open_nursery() as network:
+        monkeypatch.setattr(FaultyPool, "network", network, raising=False)
+        async with memory_pool(offline_world(), room, 2) as pool:
+            image, state = await pool.render(JOB, OPTIONS)
+        network.cancel_scope.cancel()
+    assert sha256_of(image) == alone
+    assert sum(node["rays_sent"] for node in state["nodes"]) == sum(node["rays_received"] for node in state["nodes"])
+
+
+@pytest.mark.parametrize("kind", [SendRays, AcknowledgeRays], ids=["rays", "acknowledgements"])
+@pytest.mark.parametrize("is_unreachable", [False, True], ids=["lost", "unreachable"])
+async def test_a_link_that_is_not_mended_fails_the_job_with_the_other_node(
+    room: Records, kind: type[Packet], is_unreachable: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From one node to another nothing gets through; all questions do."""
+
+    class Cut(FaultyPool):
+        async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
+            if not isinstance(packet, kind):
+                await super().carry(peer, node, packet)
+            elif is_unreachable:
+                raise Unreachable("the node does not answer")
+
+    monkeypatch.setattr(sender, "GIVE_UP_S", 0.5)
+    monkeypatch.setattr(link, "GIVE_UP_S", 0.5)
+    monkeypatch.setattr("render.pool_in_memory.MemoryPool", Cut)
+    async with trio.open_nursery() as network:
+        monkeypatch.setattr(FaultyPool, "network", network, raising=False)
+        async with memory_pool(offline_world(), room, 2) as pool:
+            owner = await pool.start(JOB, OPTIONS)
+            state = await pool.until(JOB, owner, "failed", "done")
+        network.cancel_scope.cancel()
+    assert state["phase"] == "failed"
+    assert "acknowledged no rays for 0.5 s" in state["failure"]
+    assert any(f"127.0.0.{node & 255}" in state["failure"] for node in pool.nodes)
