@@ -234,11 +234,11 @@ async def test_that_a_pass_is_closed_says_its_owner_and_nobody_else() -> None:
         for number in range(plan.count):
             closes = pool.nodes[pass_owner(plan, number, len(pool.nodes))]
             liar, other = (node for node in pool.nodes if node != closes)
-            event = JobEvent(job=1, document=pack_value({"closed": number}))
+            event = JobEvent(job=1, document=pack_value({"closed": number, "link_sequence": 1}))
             with pytest.raises(Refused, match="closed by another node") as caught:
                 await pool.deliver(f"node:{liar}", other, event)
             assert caught.value.reason is RejectReason.NOT_AUTHORISED
         for nonsense in (plan.count, -1, True, "1", None):
             with pytest.raises(PeerFault, match="no such pass"):
-                await pool.deliver(f"node:{owner}", owner, JobEvent(job=1, document=pack_value({"closed": nonsense})))
+                await pool.deliver(f"node:{owner}", owner, JobEvent(job=1, document=pack_value({"closed": nonsense, "link_sequence": 1})))
         await pool.ask(owner, CancelJob(job=1))

@@ -238,19 +238,10 @@ class Member:
                 self._nursery = None
 
     @property
-    def packets_sent(self) -> int:
-        """Packets of rays that this node sent, each once."""
-        return sum(link.packets_sent for link in self._links.values())
-
-    @property
-    def packets_resent(self) -> int:
-        """Packets that this node sent again, of all that ride on links."""
-        return sum(link.packets_resent for link in self._links.values())
-
-    @property
-    def acknowledgements_sent(self) -> int:
-        """For what came over links."""
-        return sum(link.acknowledgements_sent for link in self._links.values())
+    def link_counts(self) -> dict[str, int]:
+        """Packets of rays that this node sent, each once; packets of all kinds that it sent again; acknowledgements."""
+        names = ("packets_sent", "packets_resent", "acknowledgements_sent")
+        return {name: sum(getattr(link, name) for link in self._links.values()) for name in names}
 
     @property
     def closed(self) -> int:
