@@ -177,7 +177,7 @@ async def test_a_link_that_is_not_mended_fails_the_job_with_the_other_node(
     monkeypatch.setattr(link, "GIVE_UP_S", 0.5)
     monkeypatch.setattr("render.pool_in_memory.MemoryPool", Cut)
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(JOB, replace(OPTIONS, moving=False))
+        owner = await pool.start(JOB, replace(OPTIONS, samples=512, moving=False))
         state = await pool.until(JOB, owner, "failed", "done")
     assert state["phase"] == "failed"
     assert "acknowledged no rays for 0.5 s" in state["failure"]
