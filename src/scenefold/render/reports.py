@@ -32,6 +32,8 @@ _COUNTS = (
     "shadow_casts",
     "rays_sent",
     "packets_sent",
+    "packets_resent",
+    "acknowledgements_sent",
     "rays_received",
     "not_finite",
     "clamped",
