@@ -31,7 +31,19 @@ ODD = [None, True, -1, 2**62, 2**64 - 1, float("inf"), -0.5, "", "x", "\x1b[2J",
 
 def node(address: str) -> dict[str, Any]:
     counts = dict.fromkeys(
-        "records groups triangles bytes_read shadow_casts packets_sent packets_resent acknowledgements_sent rays_received not_finite clamped".split(),
+        [
+            "records",
+            "groups",
+            "triangles",
+            "bytes_read",
+            "shadow_casts",
+            "packets_sent",
+            "packets_resent",
+            "acknowledgements_sent",
+            "rays_received",
+            "not_finite",
+            "clamped",
+        ],
         5,
     )
     counts |= {"closed": 1, "owned": 1, "rays": 600, "casts": 700, "rays_sent": 256, "prepare_seconds": 0.5, "busy_seconds": 0.25}
