@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import heapq
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import pytest
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 from scenefold.base.errors import PeerFault
 from scenefold.render.pool.links.receiver import DELAY_S, UNSAID_PACKETS_MAX, WINDOW, Receiver
 from scenefold.render.pool.links.round_trip import RTO_S_MAX, RTO_S_MIN, RoundTrip
-from scenefold.render.pool.links.sender import BYTES_MAX, GIVE_UP_S, Sender
+from scenefold.render.pool.links.sender import BYTES_MAX, GIVE_UP_S, OVERTAKEN_MAX, Sender
 
 TRIP_S = 0.01
 
@@ -115,11 +116,21 @@ def test_without_faults_each_is_sent_once_and_few_acknowledgements_come_back() -
     assert wire.acknowledgements <= 1600 / UNSAID_PACKETS_MAX
 
 
+def _bits(numbers: Sequence[int]) -> bytes:
+    """Selective, where nothing is known to have come until then."""
+    return sum(1 << number - 1 for number in numbers).to_bytes(WINDOW // 8, "little")
+
+
 def test_what_is_overtaken_is_sent_again_before_the_timer_runs_out() -> None:
     sender: Sender[str] = Sender()
-    for item in "abcd":
+    later = ["b"] * OVERTAKEN_MAX
+    for item in ["a", *later]:
         sender.send(item, 1, 0.0)
-    assert sender.acknowledge(0, bytes([0b1110]), 0.01) == ["b", "c", "d"]
+    # So many may be overtaken by one on their way.
+    all_but_first = list(range(2, OVERTAKEN_MAX + 2))
+    assert len(sender.acknowledge(0, _bits(all_but_first[:-1]), 0.01)) == OVERTAKEN_MAX - 1
+    assert sender.due(0.01) is None
+    assert sender.acknowledge(0, _bits(all_but_first), 0.01) == ["b"]
     assert sender.due_at == 0.0
     assert sender.due(0.01) == (1, "a")
     assert sender.due(0.01) is None

@@ -17,9 +17,9 @@ T = TypeVar("T")
 BYTES_MAX = 4 * 1024 * 1024
 """Under way on a link."""
 GIVE_UP_S = 60.0
-OVERTAKEN_MAX = 3
+OVERTAKEN_MAX = 16
 """A packet is lost if one that left so many sendings later is acknowledged,"""
-OVERTAKEN_TRIPS = 1.25
+OVERTAKEN_TRIPS = 2.0
 """or one that left so many round trips later."""
 
 
