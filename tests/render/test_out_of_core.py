@@ -27,6 +27,7 @@ from scenefold.render.out_of_core.cells import Cells, cells_within
 from scenefold.render.out_of_core.pager import runs
 from scenefold.render.out_of_core.spill import Spill, will_need
 from scenefold.render.out_of_core.still import MIB, Made, OutOfCore, beside_trees, render_within
+from scenefold.render.out_of_core.sweep import Sweep, lots_of
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.renderers.embree.renderer import EmbreeRenderer
 from scenefold.scene.tables import SceneTables
@@ -146,10 +147,35 @@ def test_the_image_is_the_same_within_any_budget(known: Known, share: float, thr
     assert all(np.array_equal(made.layers[name], known.layers[name]) for name in known.layers)
     memory = made.report["memory"]
     assert memory["trees_most"] <= memory["trees_limit"]
-    assert (memory["cells"] > 1) == (share < 2.0)
+    assert (memory["cells"] > 1) == (share < 1.0)
     if share < 1.0:
         assert memory["trees_evicted"] and memory["trees_built"] > memory["cells"], "all lay in memory, or this test shows nothing"
         assert made.report["rays_passed"]
+
+
+def test_cells_are_boxes_that_fit_and_hold_each_group_that_meets_them(known: Known) -> None:
+    cells = cells_within(known.tables, int(known.whole.largest * 0.7))
+    assert cells.partition.nodes == len(cells.shares) == len(cells.centres) > 1
+    assert cells.largest <= known.whole.largest * 0.7
+    assert {group for share in cells.shares for group in share.groups} == set(range(len(known.tables.groups)))
+    assert sorted(cells.from_near_to_far(np.zeros(3))) == list(range(len(cells.shares)))
+    assert cells_within(known.tables, 0).largest < known.whole.largest, "as small as can be, if nothing is small enough"
+
+
+def test_a_sweep_goes_to_and_fro_past_cells_with_few_rays() -> None:
+    sweep = Sweep([2, 0, 1, 3])
+    waiting = [50, 60, 40, 0]
+    assert sweep.next(waiting) == 2 and sweep.after(waiting) == 0
+    assert sweep.next([50, 60, 0, 0]) == 0
+    assert sweep.next([3, 60, 90, 0]) == 1 and sweep.after([3, 60, 90, 0]) == 2
+    assert sweep.next([3, 0, 90, 0]) == 2, "cell 0 has few"
+    assert sweep.next([3, 0, 0, 0]) == 0 and sweep.after([3, 0, 0, 0]) is None
+
+
+def test_lots_of_passes_have_rays_enough_and_leave_work_for_all_threads() -> None:
+    assert list(lots_of({3: 10, 1: 10, 2: 5}, 1, 10)) == [[1], [2, 3]]
+    assert list(lots_of(dict.fromkeys(range(8), 1), 1)) == [[0, 1], [2, 3], [4, 5], [6, 7]]
+    assert list(lots_of({}, 2)) == []
 
 
 def test_several_waves_and_levels_are_no_matter(known: Known, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,6 +55,11 @@ def pair_boxes(tables: SceneTables) -> tuple[I64, I64, F64, F64]:
     return instances, groups, turned - reach - slack, turned + reach + slack
 
 
+def cell_margin(tables: SceneTables) -> float:
+    """By how much a cell is grown, on all sides, to what its node must hold."""
+    return diagonal_of(*job_box(tables)) * (_DILATION_STEPS / T_DONE_STEPS + _ROUNDING)
+
+
 def share_of(tables: SceneTables, partition: Partition, me: int) -> Share:
     """What node `me` of a partition must hold."""
     return shares_of(tables, partition, (me,))[0]
@@ -63,8 +68,7 @@ def share_of(tables: SceneTables, partition: Partition, me: int) -> Share:
 def shares_of(tables: SceneTables, partition: Partition, nodes: Sequence[int]) -> list[Share]:
     """What each of these nodes of a partition must hold."""
     instances, groups, low, high = pair_boxes(tables)
-    step = diagonal_of(*job_box(tables)) * (_DILATION_STEPS / T_DONE_STEPS + _ROUNDING)
-    overlaps = partition.overlaps(low, high, step)
+    overlaps = partition.overlaps(low, high, cell_margin(tables))
     return [_share(tables, instances, groups, overlaps[node]) for node in nodes]
 
 

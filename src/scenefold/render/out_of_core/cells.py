@@ -8,8 +8,9 @@ import numpy as np
 
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.partition import Partition
-from scenefold.render.arrays import F64, SceneArrays
-from scenefold.render.content import Share, pair_boxes, shares_of
+from scenefold.partition.boxes import Cut
+from scenefold.render.arrays import F64, I64, SceneArrays
+from scenefold.render.content import Share, cell_margin, pair_boxes, shares_of
 from scenefold.render.contract import HeldGroup, HeldScene
 from scenefold.scene.tables import SceneTables
 
@@ -21,6 +22,10 @@ BYTES_PER_GROUP = 2048
 BYTES_PER_INSTANCE = 1024
 BYTES_PER_PROTOTYPE = 16_384
 """A scene of its own."""
+_EVENNESS = 1.0
+"""What a triangle of the larger half counts for, beside one that any half holds."""
+_LESS = 1.0 - 1e-9
+"""Of what a box holds: the most that a half of it may hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +37,13 @@ class Cells:
     peaks: tuple[int, ...]
     """Bytes that the trees of each cell take while they are built, as estimated."""
 
+    centres: F64
+    """f64[cells, 3], means of what the cells hold."""
+
+    def from_near_to_far(self, eye: F64) -> list[int]:
+        """All cells, by how far from there is what they hold."""
+        return [int(cell) for cell in np.argsort(((self.centres - eye) ** 2).sum(axis=1), kind="stable")]
+
     @property
     def largest(self) -> int:
         """The largest of these."""
@@ -39,40 +51,105 @@ class Cells:
 
 
 def cells_within(tables: SceneTables, peak: int) -> Cells:
-    """The fewest cells, of 1, 2, 4, …, whose trees take at most `peak` bytes each while they are built; those whose largest is smallest if none do."""
-    _, groups, low, high = pair_boxes(tables)
-    centres, sizes = (low + high) * 0.5, tables.groups.triangles[groups].astype(np.float64)
-    most = min(POOL_NODES_MAX, len(centres))
-    best: Cells | None = None
-    count = 1
-    while True:
-        cells = _cells(tables, Partition.voronoi(halved(centres, sizes, count)))
-        if best is None or cells.largest < best.largest:
-            best = cells
-        if cells.largest <= peak or count == most:
-            return best
-        count = min(2 * count, most)
-
-
-def _cells(tables: SceneTables, partition: Partition) -> Cells:
+    """Boxes whose trees take at most `peak` bytes each while they are built; as many as there may be, if more were needed: the largest is too large then."""
+    pairs = _Pairs(tables)
+    whole = _Box(pairs, np.arange(len(pairs.groups)), np.full(3, -np.inf), np.full(3, np.inf))
+    fixed: set[int] = set()
+    leaves = [whole]
+    while len(leaves) < POOL_NODES_MAX:
+        heaviest = max((leaf for leaf in leaves if id(leaf) not in fixed), key=lambda leaf: leaf.peak, default=None)
+        if heaviest is None or heaviest.peak <= peak:
+            break
+        if heaviest.cut_in_two():
+            leaves.remove(heaviest)
+            leaves += heaviest.halves
+        else:
+            fixed.add(id(heaviest))
+    partition = Partition.boxes(whole.cuts()) if whole.halves else Partition.voronoi(((pairs.low + pairs.high) * 0.5).mean(axis=0)[None])
     shares = tuple(shares_of(tables, partition, range(partition.nodes)))
-    return Cells(partition, shares, tuple(peak_bytes(tables, share) for share in shares))
+    centres = np.array([(leaf.centre) for leaf in whole.leaves()])
+    return Cells(partition, shares, tuple(peak_bytes(tables, share) for share in shares), centres)
 
 
-def halved(points: F64, weights: F64, count: int) -> F64:
-    """Centroids f64[count, 3] of cells that are about as heavy as each other, and compact: means of what is left when the points f64[n, 3], at least `count`, are cut
-    across the longest side, again and again."""
-    if count == 1:
-        mean: F64 = points.mean(axis=0)[None]
+class _Pairs:
+    """(instance, group) pairs of a scene, and their world boxes, grown by what a cell is grown by."""
+
+    def __init__(self, tables: SceneTables) -> None:
+        self.tables = tables
+        self.instances, self.groups, low, high = pair_boxes(tables)
+        margin = cell_margin(tables)
+        self.low, self.high = low - margin, high + margin
+        self.triangles = tables.groups.triangles[self.groups].astype(np.float64)
+
+
+class _Box:
+    """A part of space that is a cell, or cut into two."""
+
+    def __init__(self, pairs: _Pairs, met: I64, low: F64, high: F64) -> None:
+        """`met`: int64[n], the pairs whose boxes meet it; `low`, `high` f64[3], its corners."""
+        self._pairs, self._met, self._low, self._high = pairs, met, low, high
+        groups = tuple(np.unique(pairs.groups[met]).tolist())
+        self.peak = peak_bytes(pairs.tables, Share(groups, tuple(np.unique(pairs.instances[met]).tolist()), 0, 0))
+        self.halves: tuple[_Box, ...] = ()
+        self._cut = Cut(0, 0.0, 1)
+
+    def cut_in_two(self) -> bool:
+        """Where both sides together hold least, and neither much more than the other; False where no plane leaves anything out of a side."""
+        pairs, groups = self._pairs, self._pairs.groups[self._met]
+        # A group that is there in several instances is held once.
+        weights = pairs.triangles[self._met] / np.bincount(groups)[groups]
+        best = np.inf
+        for axis in range(3):
+            low, high = pairs.low[self._met, axis], pairs.high[self._met, axis]
+            planes = np.unique(np.concatenate([low, high]))
+            planes = (planes[1:] + planes[:-1]) * 0.5
+            planes = planes[(planes > self._low[axis]) & (planes < self._high[axis])]
+            if not len(planes):
+                continue
+            lower, upper = _below(low, weights, planes), _below(-high, weights, -planes)
+            larger = np.maximum(lower, upper)
+            cost = np.where(larger < weights.sum() * _LESS, lower + upper + _EVENNESS * larger, np.inf)
+            cheapest = int(np.argmin(cost))
+            if cost[cheapest] < best:
+                best, self._cut = float(cost[cheapest]), Cut(axis, float(planes[cheapest]), 1)
+        if best == np.inf:
+            return False
+        axis, plane, _ = self._cut
+        low, high = self._low.copy(), self._high.copy()
+        high[axis] = low[axis] = plane
+        self.halves = (
+            _Box(pairs, self._met[pairs.low[self._met, axis] <= plane], self._low, high),
+            _Box(pairs, self._met[pairs.high[self._met, axis] >= plane], low, self._high),
+        )
+        return True
+
+    @property
+    def centre(self) -> F64:
+        """f64[3]: of what it holds."""
+        met = self._met
+        if not len(met):
+            return np.zeros(3)
+        mean: F64 = np.clip((self._pairs.low[met] + self._pairs.high[met]).mean(axis=0) * 0.5, self._low, self._high)
         return mean
-    side = int(np.argmax(points.max(axis=0) - points.min(axis=0)))
-    order = np.argsort(points[:, side], kind="stable")
-    fewer = count // 2
-    running = np.cumsum(weights[order])
-    cut = int(np.searchsorted(running * count, running[-1] * fewer)) + 1
-    cut = min(max(cut, fewer), len(order) - (count - fewer))
-    lower, upper = order[:cut], order[cut:]
-    return np.concatenate([halved(points[lower], weights[lower], fewer), halved(points[upper], weights[upper], count - fewer)])
+
+    def leaves(self) -> list[_Box]:
+        """The cells that it was cut into, in their order."""
+        return [leaf for half in self.halves for leaf in half.leaves()] or [self]
+
+    def cuts(self) -> list[Cut]:
+        """Of it and all that it was cut into, root first, lower side before upper."""
+        if not self.halves:
+            return []
+        lower, upper = (half.cuts() for half in self.halves)
+        return [Cut(self._cut.axis, self._cut.plane, len(lower) + 1), *lower, *upper]
+
+
+def _below(edges: F64, weights: F64, planes: F64) -> F64:
+    """f64[m]: what begins at most at each of the planes."""
+    order = np.argsort(edges)
+    running: F64 = np.concatenate([[0.0], np.cumsum(weights[order])])
+    found: F64 = running[np.searchsorted(edges[order], planes, side="right")]
+    return found
 
 
 def peak_bytes(tables: SceneTables, share: Share) -> int:

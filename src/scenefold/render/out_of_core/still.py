@@ -25,6 +25,7 @@ from scenefold.render.out_of_core.geometry_files import arrays_on_disk
 from scenefold.render.out_of_core.importing import import_apart
 from scenefold.render.out_of_core.pager import Pager
 from scenefold.render.out_of_core.spill import Spill
+from scenefold.render.out_of_core.sweep import Sweep
 from scenefold.render.out_of_core.tracing import TREES_LANE, Counts, Tracing
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
 from scenefold.scene.importers import Moment
@@ -34,6 +35,8 @@ from scenefold.world import offline_world
 MIB = 1 << 20
 THREAD_BYTES = 24 * MIB
 """What a thread works with, its tracer's buffers above all."""
+PROGRAM_THREADS = 4
+"""Of so many threads that is part of the 300 MiB of the program, which by itself is some 80."""
 IMAGE_COPIES = 3
 """The layers, one of them in another order, and what is written."""
 
@@ -84,17 +87,19 @@ async def render_within(asked: OutOfCore, options: RenderOptions, progress: Prog
         arrays = await arrays_on_disk(tables, imported.records, workers, spill)
         numbers = await workers.run(LANE, job_numbers, job, tables)
         progress("prepare", 1, 1)
-        prepared = time.monotonic()
+        prepared, prepared_cpu = time.monotonic(), time.process_time()
         pager = Pager(renderer, tables, arrays, numbers, cells, memory)
         try:
-            tracing = Tracing(job, numbers.stride, pager, spill, workers, asked.threads)
+            sweep = Sweep(cells.from_near_to_far(camera_of(tables, options).matrix[:3, 3]))
+            tracing = Tracing(job, numbers.stride, pager, spill, workers, asked.threads, sweep)
             film = await tracing.run(lambda done, total: progress("render", done, total))
         finally:
             pager.close()
-        traced = time.monotonic()
+        traced, traced_cpu = time.monotonic(), time.process_time()
         layers = await workers.run(FILM_LANE, develop, film, job.layers, job_box(tables))
         seconds = {"import": import_seconds, "prepare": prepared - begun - import_seconds, "render": traced - prepared}
         report = _report(job, tracing.counts, seconds)
+        report["processor_seconds"] = {"render": round(traced_cpu - prepared_cpu, 3)}
         report["memory"] = {
             "budget": asked.memory,
             "trees_limit": memory.limit,
@@ -124,7 +129,7 @@ def _plan(tables: SceneTables, options: RenderOptions, asked: OutOfCore) -> tupl
     beside = beside_trees(tables, options, asked.threads)
     camera_of(tables, options)
     limit = asked.memory - beside
-    cells = cells_within(tables, max(limit, 0) // 2)
+    cells = cells_within(tables, max(limit, 0))
     if cells.largest > limit:
         least = -(-(cells.largest + beside) // MIB)
         raise LocalFault(
@@ -140,7 +145,7 @@ def beside_trees(tables: SceneTables, options: RenderOptions, threads: int) -> i
     lights, environment = tables.lights, tables.environment.radiance if len(tables.environment) else np.zeros(0)
     small = [tables.groups.atoms, tables.groups.low, tables.groups.high, tables.instances.matrices, lights.corners, lights.emission]
     held = sum(array.nbytes for array in small) + environment.nbytes
-    return 2 * held + IMAGE_COPIES * image_bytes(options.layers, options.window.pixels) + threads * THREAD_BYTES
+    return 2 * held + IMAGE_COPIES * image_bytes(options.layers, options.window.pixels) + max(threads - PROGRAM_THREADS, 0) * THREAD_BYTES
 
 
 def scene_bytes(tables: SceneTables, arrays: SceneArrays) -> int:

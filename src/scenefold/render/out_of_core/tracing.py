@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import trio
@@ -19,6 +20,7 @@ from scenefold.render.film_rows import FilmRows, row_bytes
 from scenefold.render.job import Job
 from scenefold.render.out_of_core.pager import Pager
 from scenefold.render.out_of_core.spill import Spill
+from scenefold.render.out_of_core.sweep import Sweep, lots_of
 from scenefold.render.out_of_core.waiting_rays import Places, WaitingRays
 from scenefold.render.pass_sums import COUNTERS, PassSums
 from scenefold.render.pool.share import FILM_LANE, LANE
@@ -30,10 +32,13 @@ _RAYS_OF_A_PATH = 3
 """That wait at once, at most, as a rule: one goes on, and one looks for light."""
 PIECE_RAYS = 16_384
 """Handed to a tracer at a time: what it needs for them is a few MiB."""
+LOT_RAYS = 65_536
+"""Of as many passes as have them together, worked off without a word to other threads: to hand over costs as much as some hundred rays."""
 TREES_LANE = "trees"
 """A worker thread that builds trees while others trace."""
 
 Progress = Callable[[int, int], None]
+_Work = TypeVar("_Work")
 
 
 @dataclass(slots=True)
@@ -55,7 +60,7 @@ class Counts:
 class Tracing:
     """One job, from its first pass to its film."""
 
-    def __init__(self, job: Job, stride: int, pager: Pager, spill: Spill, workers: Workers, threads: int) -> None:
+    def __init__(self, job: Job, stride: int, pager: Pager, spill: Spill, workers: Workers, threads: int, sweep: Sweep) -> None:
         self._job, self._stride, self._pager, self._workers, self._threads = job, stride, pager, workers, threads
         self._plan, self._columns = job.plan, job.columns
         sums_bytes = PASS_PATHS_MAX * (8 * self._columns.radiance + 4 * self._columns.aovs)
@@ -68,6 +73,7 @@ class Tracing:
         self._aovs = spill.zeros(np.int32, (self._at_once, PASS_PATHS_MAX, self._columns.aovs))
         self.rays = WaitingRays(spill, job.partition.nodes)
         self.counts = Counts()
+        self._sweep = sweep
         self._goes_on = EVERY_ROW
         self._sums: dict[int, PassSums] = {}
         self._left: dict[int, int] = {}
@@ -119,48 +125,59 @@ class Tracing:
             if len(self._goes_on):
                 some = rays[self._goes_on[(first + (rays[:, 7] >> np.uint32(16)).astype(np.int64)) % pixels] != 0]
             if len(some):
-                self.rays.put(cell, number, some)
+                self.rays.put(cell, [(number, some)])
                 made += len(some)
         self._left[number] = made
         with self._lock:
             self.counts.rays += made
 
     async def _step(self) -> None:
-        """Work one cell off, and build the trees of another one meanwhile."""
-        waiting = self.rays.counts
-        order = sorted((cell for cell, count in enumerate(waiting) if count), key=lambda cell: -waiting[cell])
-        there = [cell for cell in order if cell in self._pager]
-        absent = [cell for cell in order if cell not in self._pager]
-        if not there:
-            await self._workers.run(TREES_LANE, self._pager.open, absent[0], ())
-            there, absent = absent[:1], absent[1:]
-        cell = there[0]
+        """Work the next cell off, and build the trees of the one after it meanwhile."""
+        cell = self._sweep.next(self.rays.counts)
+        if cell not in self._pager:
+            await self._workers.run(TREES_LANE, self._pager.open, cell, ())
+        following = self._sweep.after(self.rays.counts)
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self._work_off, cell)
-            if absent and self._pager.fits_beside(absent[0], there):
-                nursery.start_soon(self._build_ahead, absent, frozenset(there))
+            if following is not None and following not in self._pager:
+                nursery.start_soon(self._make_ready, following, cell)
 
-    async def _build_ahead(self, absent: Sequence[int], kept: frozenset[int]) -> None:
-        await self._workers.run(TREES_LANE, self._pager.open, absent[0], kept)
-        if len(absent) > 1:
-            await self._workers.run(TREES_LANE, self._pager.ask_for, absent[1])
+    async def _make_ready(self, following: int, cell: int) -> None:
+        """Build its trees, or where there is no room for that beside those of `cell`, have read what they are built from."""
+        if self._pager.fits_beside(following, (cell,)):
+            await self._workers.run(TREES_LANE, self._pager.open, following, (cell,))
+        else:
+            await self._workers.run(TREES_LANE, self._pager.ask_for, following)
 
     async def _work_off(self, cell: int) -> None:
         taken = self.rays.take(cell)
         self.counts.visits += 1
         tracers = self._pager.scene(cell).tracers(self._threads)
-        await self._all_threads(tracers, sorted(taken), lambda tracer, number: self._advance(tracer, cell, number, taken[number]))
+        lots = list(lots_of({number: sum(count for _, count in places) for number, places in taken.items()}, self._threads))
+        await self._all_threads(tracers, lots, lambda tracer, lot: self._advance(tracer, cell, {number: taken[number] for number in lot}))
         self.rays.worked_off(cell)
 
-    def _advance(self, tracer: Tracer, cell: int, number: int, places: Places) -> None:
-        """All rays of a pass that wait for this cell. In a worker; a pass is in one thread at a time."""
-        first, sums = self._plan.first_path(number), self._sums[number]
-        for rays in self._pieces(cell, places):
-            outcome = tracer.advance(rays, first, sums)
-            for target, some in outcome.leaving.items():
-                self.rays.put(target, number, some)
-            self._left[number] += outcome.created - outcome.retired
-            self._count(outcome)
+    def _advance(self, tracer: Tracer, cell: int, lot: dict[int, Places]) -> None:
+        """All rays of some passes that wait for this cell. In a worker; a pass is in one thread at a time."""
+        leaving: dict[int, list[tuple[int, U32]]] = {}
+        held = 0
+        for number, places in lot.items():
+            first, sums = self._plan.first_path(number), self._sums[number]
+            for rays in self._pieces(cell, places):
+                outcome = tracer.advance(rays, first, sums)
+                for target, some in outcome.leaving.items():
+                    leaving.setdefault(target, []).append((number, some))
+                    held += len(some)
+                self._left[number] += outcome.created - outcome.retired
+                self._count(outcome)
+                if held > LOT_RAYS:
+                    self._put(leaving)
+                    leaving, held = {}, 0
+        self._put(leaving)
+
+    def _put(self, leaving: dict[int, list[tuple[int, U32]]]) -> None:
+        for target, rays in leaving.items():
+            self.rays.put(target, rays)
 
     def _pieces(self, cell: int, places: Places) -> Iterator[U32]:
         """What lies there, in pieces that are neither very large nor very many."""
@@ -185,13 +202,13 @@ class Tracing:
             counts.shadow_casts += outcome.shadow_casts
             counts.passed += sum(map(len, outcome.leaving.values()))
 
-    async def _all_threads(self, tracers: Sequence[Tracer], numbers: Sequence[int], work: Callable[[Tracer, int], None]) -> None:
-        """Do the work for each of these passes, with a tracer each thread."""
-        following = iter(numbers)
+    async def _all_threads(self, tracers: Sequence[Tracer], works: Sequence[_Work], do: Callable[[Tracer, _Work], None]) -> None:
+        """Do all of the work, with a tracer each thread."""
+        following = iter(works)
 
         async def go_on(tracer: Tracer) -> None:
-            for number in following:
-                await self._workers.run(LANE, work, tracer, number)
+            for work in following:
+                await self._workers.run(LANE, do, tracer, work)
 
         async with trio.open_nursery() as nursery:
             for tracer in tracers:

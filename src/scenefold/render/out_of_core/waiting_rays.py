@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -24,23 +25,30 @@ class WaitingRays:
         self._lock = threading.Lock()
         self.counts = [0] * cells
         """Rays that wait for each cell."""
+        self._waiting = 0
         self.most = 0
         """The most that waited, in all."""
 
-    def put(self, cell: int, number: int, rays: U32) -> None:
-        """uint32[n, 9] of pass `number`; LocalFault where the disk is full."""
+    def put(self, cell: int, rays: Sequence[tuple[int, U32]]) -> None:
+        """uint32[n, 9] of each of some passes; LocalFault where the disk is full."""
+        count = sum(len(some) for _, some in rays)
         with self._lock:
-            first, self._ends[cell] = self._ends[cell], self._ends[cell] + len(rays)
-        self._files[cell].write_at(first * RAY_BYTES, memoryview(np.ascontiguousarray(rays).data).cast("B"))
+            first, self._ends[cell] = self._ends[cell], self._ends[cell] + count
+        together = np.concatenate([some for _, some in rays])
+        self._files[cell].write_at(first * RAY_BYTES, memoryview(together.data).cast("B"))
         with self._lock:
-            self._places[cell].setdefault(number, []).append((first, len(rays)))
-            self.counts[cell] += len(rays)
-            self.most = max(self.most, sum(self.counts))
+            for number, some in rays:
+                self._places[cell].setdefault(number, []).append((first, len(some)))
+                first += len(some)
+            self.counts[cell] += count
+            self._waiting += count
+            self.most = max(self.most, self._waiting)
 
     def take(self, cell: int) -> dict[int, Places]:
         """By pass, all that waits; it no longer does. What is put from now on lies behind it."""
         with self._lock:
             taken, self._places[cell] = self._places[cell], {}
+            self._waiting -= self.counts[cell]
             self.counts[cell] = 0
         return taken
 
