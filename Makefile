@@ -38,8 +38,10 @@ demo:
 
 # Tests start hundreds of processes, each of which would compile all modules again where the environment has Python keep nothing.
 test: export PYTHONDONTWRITEBYTECODE =
-test: lint
-	$(call ready,dev)$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER)
+test:
+	$(call ready,dev)# While one core lints, another one compiles the kernels: else all tests that render would begin by compiling the same ones.
+	@$(BIN)/python -m scenefold.render.warm & warm=$$!; $(MAKE) --no-print-directory lint || { kill $$warm; exit 1; }; wait $$warm
+	$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER)
 
 # Minutes of furnaces, samplers and analytic scenes, and the renderer that needs an extra.
 test-render: export PYTHONDONTWRITEBYTECODE =

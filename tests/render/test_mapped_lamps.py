@@ -7,6 +7,7 @@ between the two; numpy does the integral over the white half.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +51,7 @@ def lit_floor(use: TextureUse, *, second: bool = False, mirrored: bool = False) 
     return scene([floor, [lamp(second=second)]], materials, [EYE], placed=placed, textures=[half_black()])
 
 
+@cache
 def expected(side: float = 1.0) -> Floats:
     """[PIXELS, 3]: the columns' means from the left, of a lamp that is white where side times x is above 0."""
     cuts, total = 12, np.zeros((256, 256, 3))
