@@ -7,6 +7,7 @@
 BIN := .venv/bin
 # One test more at once than there are cores, up to four, since those with real nodes wait a lot; those of one file follow each other in one process.
 TOGETHER = -n $(shell $(BIN)/python -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))') --dist loadfile --no-loadscope-reorder
+LINTERS = $(BIN)/ruff check --quiet && $(BIN)/ruff format --check --quiet && $(BIN)/mypy && $(BIN)/lint-imports --no-cache
 LOOK_FOR := $(if $(PYTHON),$(PYTHON),python3 python3.11 python3.12 python3.13 python3.14)
 
 # $(call ready,EXTRAS): empty when .venv holds them; otherwise make stops with the one line that says why.
@@ -37,10 +38,10 @@ demo:
 	$(call ready,)$(BIN)/scenectl demo --output demo-output
 
 # Tests start hundreds of processes, each of which would compile all modules again where the environment has Python keep nothing.
+# While one core lints, another one compiles the kernels: else all tests that render would begin by compiling the same ones.
 test: export PYTHONDONTWRITEBYTECODE =
 test:
-	$(call ready,dev)# While one core lints, another one compiles the kernels: else all tests that render would begin by compiling the same ones.
-	@$(BIN)/python -m scenefold.render.warm & warm=$$!; $(MAKE) --no-print-directory lint || { kill $$warm; exit 1; }; wait $$warm
+	$(call ready,dev)$(BIN)/python -m scenefold.render.warm & warm=$$!; { $(LINTERS); } || { kill $$warm; exit 1; }; wait $$warm
 	$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER)
 
 # Minutes of furnaces, samplers and analytic scenes, and the renderer that needs an extra.
@@ -49,10 +50,7 @@ test-render:
 	$(call ready,dev mitsuba)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/render/test_at_length.py tests/render/test_kit.py tests/render/test_kit_mitsuba.py tests/render/test_furnace.py
 
 lint:
-	$(call ready,dev)$(BIN)/ruff check --quiet
-	$(BIN)/ruff format --check --quiet
-	$(BIN)/mypy
-	$(BIN)/lint-imports --no-cache
+	$(call ready,dev)$(LINTERS)
 
 format:
 	$(call ready,dev)$(BIN)/ruff check --fix --quiet
