@@ -66,6 +66,7 @@ async def test_copies_are_proved_and_missed_as_soon_as_a_node_is_gone(tmp_path: 
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+@pytest.mark.long
 async def test_more_are_lost_at_once_than_copies_can_bear_and_that_is_said_until_it_is_acknowledged(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 5, options=("--remove-after", "13")) as living:
         await living.at_rest(5)

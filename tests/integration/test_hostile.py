@@ -261,6 +261,7 @@ def test_every_attack_is_tried() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_table_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     ports = ports_option("127.0.0.2", "127.0.0.3")
     assert (

@@ -99,6 +99,7 @@ def figures(found: ClusterStatus, kept: Kept, stages: Stages) -> dict[str, Any]:
     return {"nodes": len(reports), "records": len(kept.records), "unanswered": kept.lost_answers, **events, "seconds": stages.seconds}
 
 
+@pytest.mark.long
 async def test_a_joiner_that_dies_half_way_leaves_everything_where_it_was_and_may_come_again(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 2, spares=1, options=("--transfer", "500000")) as living:
         (joiner,) = living.nodes.spares
@@ -152,6 +153,7 @@ async def test_records_of_a_piece_are_readable_while_its_giver_is_dead(tmp_path:
         await kept.check()
 
 
+@pytest.mark.long
 async def test_a_draining_node_that_is_killed_goes_on_leaving_when_it_is_back(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 3, options=("--transfer", "500000")) as living:
         kept, victim = living.kept, living.nodes.addresses[1]
@@ -168,6 +170,7 @@ async def test_a_draining_node_that_is_killed_goes_on_leaving_when_it_is_back(tm
         await kept.check()
 
 
+@pytest.mark.long
 async def test_two_newcomers_at_the_same_place_both_get_their_part(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 2, spares=2, options=("--join-at", "c0")) as living:
         await living.kept.put_evenly(300, 1_000)

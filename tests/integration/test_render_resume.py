@@ -47,7 +47,7 @@ def interrupted(folder: Path, kept: Path, *, by_a_node: bool) -> int:
             process.kill()
 
 
-@pytest.mark.parametrize("by_a_node", [False, True])
+@pytest.mark.parametrize("by_a_node", [pytest.param(False, marks=pytest.mark.long), True])
 def test_the_same_command_goes_on_to_the_same_image(tmp_path: Path, by_a_node: bool) -> None:
     (tmp_path / "room.obj").write_text(ROOM)
     kept = tmp_path / "room.kept"

@@ -78,7 +78,7 @@ def test_the_image_has_the_layers_it_promises(image_and_report: tuple[Path, dict
         assert image.size == SIZE and len(set(image.convert("L").tobytes())) > 8
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.long), 5])
 async def test_the_same_bits_on_any_nodes_divided_in_any_way(
     count: int, image_and_report: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:

@@ -15,6 +15,7 @@ COLD_S = 180.0
 
 @pytest.mark.slow
 @pytest.mark.timeout(200)
+@pytest.mark.long
 def test_clusters_are_compared_and_their_images_are_equal() -> None:
     ports = ports_option("127.0.0.2", "127.0.0.3")
     done = scenectl(*BENCH, "--nodes", "1,2", "--ports", ports, "--json", limit_s=COLD_S)
@@ -63,6 +64,7 @@ def test_more_copies_to_be_waited_for_than_there_shall_be() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
+@pytest.mark.long
 def test_three_participants_are_measured_and_go_on_without_who_proposed() -> None:
     ports = ports_option("127.0.0.2", "127.0.0.3", "127.0.0.4")
     sizes = "--participants", "3", "--commits", "4", "--clients", "2", "--kills", "1"
