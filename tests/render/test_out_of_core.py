@@ -162,20 +162,21 @@ def test_cells_are_boxes_that_fit_and_hold_each_group_that_meets_them(known: Kno
     assert cells_within(known.tables, 0).largest < known.whole.largest, "as small as can be, if nothing is small enough"
 
 
-def test_a_sweep_goes_to_and_fro_past_cells_with_few_rays() -> None:
+def test_a_sweep_goes_once_from_near_to_far_and_then_where_most_rays_wait() -> None:
     sweep = Sweep([2, 0, 1, 3])
-    waiting = [50, 60, 40, 0]
-    assert sweep.next(waiting) == 2 and sweep.after(waiting) == 0
-    assert sweep.next([50, 60, 0, 0]) == 0
-    assert sweep.next([3, 60, 90, 0]) == 1 and sweep.after([3, 60, 90, 0]) == 2
-    assert sweep.next([3, 0, 90, 0]) == 2, "cell 0 has few"
-    assert sweep.next([3, 0, 0, 0]) == 0 and sweep.after([3, 0, 0, 0]) is None
+    assert sweep.next([50, 60, 40, 0]) == 2 and sweep.after([50, 60, 40, 0], 2) == 0
+    assert sweep.next([50, 60, 90, 0]) == 0
+    assert sweep.next([3, 60, 90, 0]) == 1 and sweep.after([3, 60, 90, 0], 1) == 2, "3 is the last one, and has none"
+    assert sweep.next([3, 4, 90, 0]) == 2 and sweep.after([3, 4, 90, 0], 2) == 1
+    assert sweep.next([3, 0, 0, 0]) == 0 and sweep.after([3, 0, 0, 0], 0) is None
+    sweep.begin()
+    assert sweep.next([50, 60, 40, 0]) == 2
 
 
 def test_lots_of_passes_have_rays_enough_and_leave_work_for_all_threads() -> None:
-    assert list(lots_of({3: 10, 1: 10, 2: 5}, 1, 10)) == [[1], [2, 3]]
-    assert list(lots_of(dict.fromkeys(range(8), 1), 1)) == [[0, 1], [2, 3], [4, 5], [6, 7]]
-    assert list(lots_of({}, 2)) == []
+    assert list(lots_of({5: 40, 3: 40, 1: 6, 2: 5}, 1, 10)) == [[1, 2], [3], [5]]
+    assert list(lots_of(dict.fromkeys(range(8), 1), 1, 100)) == [[0, 1], [2, 3], [4, 5], [6, 7]]
+    assert list(lots_of({}, 2, 100)) == []
 
 
 def test_several_waves_and_levels_are_no_matter(known: Known, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,46 +1,41 @@
-"""Which cell comes next: to and fro between the nearest to the camera and the farthest, past those for which few rays wait."""
+"""Which cell comes next: once from the nearest to the camera to the farthest, then where most rays wait."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-_FEW = 0.25
-"""Of what waits for a cell on average, where any does."""
-
 
 class Sweep:
-    """A place in the order of cells, and a direction. What goes one way through the scene is carried all of that way by one sweep."""
+    """The order of cells in one wave. Camera rays go away from the camera: one way through the scene carries them to what they hit."""
 
     def __init__(self, order: Sequence[int]) -> None:
-        """`order`: all cells, the first to be worked off first."""
+        """`order`: all cells, the nearest first."""
         self._order = list(order)
-        self._at, self._way = -1, 1
+        self._at = 0
+
+    def begin(self) -> None:
+        """A new wave's camera rays wait."""
+        self._at = 0
 
     def next(self, waiting: Sequence[int]) -> int:
-        """The cell to work off now, of those that rays wait for, int[cells]; some do."""
-        self._at, self._way = self._found(waiting, None) or (self._at, self._way)
-        return self._order[self._at]
+        """The cell to work off now, by how many rays wait for each, int[cells]; some do."""
+        for at in range(self._at, len(self._order)):
+            if waiting[self._order[at]]:
+                self._at = at + 1
+                return self._order[at]
+        self._at = len(self._order)
+        return max(self._order, key=lambda cell: waiting[cell])
 
-    def after(self, waiting: Sequence[int]) -> int | None:
-        """The one that comes after that, if no more rays came to wait; None if there is none."""
-        found = self._found(waiting, self._at)
-        return None if found is None else self._order[found[0]]
-
-    def _found(self, waiting: Sequence[int], left_out: int | None) -> tuple[int, int] | None:
-        counts = [count for count in waiting if count]
-        few = _FEW * sum(counts) / max(len(counts), 1)
-        size, at, way = len(self._order), self._at, self._way
-        ahead = range(at + way, size if way > 0 else -1, way)
-        back = range(size - 1, -1, -1) if way > 0 else range(size)
-        for places, direction in ((ahead, way), (back, -way)):
-            for place in places:
-                count = waiting[self._order[place]]
-                if place != left_out and count and count >= few:
-                    return place, direction
-        return None
+    def after(self, waiting: Sequence[int], now: int) -> int | None:
+        """The one that comes after cell `now`, if no more rays came to wait; None if there is none."""
+        ahead = next((cell for cell in self._order[self._at :] if waiting[cell] and cell != now), None)
+        if ahead is not None:
+            return ahead
+        most = max((cell for cell in self._order if cell != now), key=lambda cell: waiting[cell], default=None)
+        return most if most is not None and waiting[most] else None
 
 
-def lots_of(rays: Mapping[int, int], threads: int, most: int = 65_536) -> Iterator[list[int]]:
+def lots_of(rays: Mapping[int, int], threads: int, most: int) -> Iterator[list[int]]:
     """Passes, ascending, put together until they have so many rays, or what each of the threads has four of."""
     enough = min(most, sum(rays.values()) // (4 * threads))
     lot: list[int] = []

@@ -100,6 +100,7 @@ class Tracing:
         for slot, number in enumerate(wave):
             size = self._plan.size(number)
             self._sums[number] = PassSums(self._radiance[slot, :size], self._aovs[slot, :size], np.zeros(COUNTERS, np.int64))
+        self._sweep.begin()
         await self._make_camera_rays(wave)
         closed = wave[0] + await self._close()
         progress(closed, self._plan.count)
@@ -136,7 +137,7 @@ class Tracing:
         cell = self._sweep.next(self.rays.counts)
         if cell not in self._pager:
             await self._workers.run(TREES_LANE, self._pager.open, cell, ())
-        following = self._sweep.after(self.rays.counts)
+        following = self._sweep.after(self.rays.counts, cell)
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self._work_off, cell)
             if following is not None and following not in self._pager:
@@ -153,7 +154,7 @@ class Tracing:
         taken = self.rays.take(cell)
         self.counts.visits += 1
         tracers = self._pager.scene(cell).tracers(self._threads)
-        lots = list(lots_of({number: sum(count for _, count in places) for number, places in taken.items()}, self._threads))
+        lots = list(lots_of({number: sum(count for _, count in places) for number, places in taken.items()}, self._threads, LOT_RAYS))
         await self._all_threads(tracers, lots, lambda tracer, lot: self._advance(tracer, cell, {number: taken[number] for number in lot}))
         self.rays.worked_off(cell)
 
