@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
-from render.pool_in_memory import Records, memory_pool, records_of
-from render.test_pool import MATERIALS, ROOM
+from render.pool_in_memory import Records, memory_pool
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import unpacked
 from scenefold.render.levels import Adaptive
@@ -21,14 +18,6 @@ OPTIONS = RenderOptions(
 )
 PLAIN = replace(OPTIONS, adaptive=None)
 Layers = dict[str, np.ndarray[Any, Any]]
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Records:
-    folder: Path = tmp_path_factory.mktemp("room")
-    (folder / "room.obj").write_text(ROOM)
-    (folder / "room.mtl").write_text(MATERIALS)
-    return records_of(folder / "room.obj")
 
 
 async def rendered(records: Records, options: RenderOptions, nodes: int = 1, threads: int = 1) -> tuple[Layers, dict[str, Any]]:

@@ -10,14 +10,12 @@ from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 import trio
 
-from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
-from render.test_pool import MATERIALS, ROOM
+from render.pool_in_memory import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.render.job import RenderOptions
@@ -69,14 +67,6 @@ class FaultyPool(MemoryPool):
         if is_late:
             await trio.sleep(0.05 * self.chance.random())
         await super().carry(peer, node, packet)
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Records:
-    folder: Path = tmp_path_factory.mktemp("room")
-    (folder / "room.obj").write_text(ROOM)
-    (folder / "room.mtl").write_text(MATERIALS)
-    return records_of(folder / "room.obj")
 
 
 @pytest.fixture(scope="module")

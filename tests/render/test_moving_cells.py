@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pytest
 import trio
 import trio.testing
 
-from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
-from render.test_pool import MATERIALS, ROOM
+from render.pool_in_memory import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.partition import Partition
@@ -26,14 +24,6 @@ from scenefold.world.real.world import offline_world
 OPTIONS = RenderOptions(width=96, height=72, samples=24, seed=3, sky=(0.2, 0.3, 0.5))
 JOB = 11
 NODES = 5
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Records:
-    folder: Path = tmp_path_factory.mktemp("room")
-    (folder / "room.obj").write_text(ROOM)
-    (folder / "room.mtl").write_text(MATERIALS)
-    return records_of(folder / "room.obj")
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import trio
 
-from render.pool_in_memory import SCENE_KEY, MemoryPool, Records, memory_pool, records_of, sha256_of
+from render.painted_room import write_room
+from render.pool_in_memory import SCENE_KEY, MemoryPool, Records, memory_pool, sha256_of
 from scenefold.base.errors import DamagedData, PeerFault, Refused
 from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
@@ -31,59 +32,7 @@ from scenefold.wire import (
 )
 from scenefold.world.real.world import offline_world
 
-ROOM = """\
-mtllib room.mtl
-v -1 -1 1
-v 1 -1 1
-v 1 -1 -1
-v -1 -1 -1
-v -1 1 1
-v 1 1 1
-v 1 1 -1
-v -1 1 -1
-v -0.4 0.98 0.4
-v 0.4 0.98 0.4
-v 0.4 0.98 -0.4
-v -0.4 0.98 -0.4
-v -0.3 -1 -0.3
-v 0.5 -1 -0.2
-v 0.1 0.2 -0.4
-v 0.2 -1 0.4
-usemtl white
-f 1 2 3 4
-f 5 8 7 6
-f 4 3 7 8
-usemtl red
-f 1 4 8 5
-usemtl green
-f 2 6 7 3
-usemtl lamp
-f 9 12 11 10
-usemtl white
-f 13 14 15
-f 14 16 15
-f 16 13 15
-"""
-MATERIALS = """\
-newmtl white
-Kd 0.73 0.73 0.73
-newmtl red
-Kd 0.63 0.06 0.05
-newmtl green
-Kd 0.14 0.45 0.09
-newmtl lamp
-Kd 0.3 0.3 0.3
-Ke 12 9 5
-"""
 SMALL = RenderOptions(width=48, height=36, samples=8, seed=3, sky=(0.2, 0.3, 0.5))
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Records:
-    folder: Path = tmp_path_factory.mktemp("room")
-    (folder / "room.obj").write_text(ROOM)
-    (folder / "room.mtl").write_text(MATERIALS)
-    return records_of(folder / "room.obj")
 
 
 async def _render(records: Records, nodes: int, options: RenderOptions, job: int = 11) -> tuple[str, dict[str, object]]:
@@ -182,13 +131,10 @@ async def test_an_empty_scene_is_one_clear_error() -> None:
 
 
 async def test_a_scene_that_was_imported_anew_meanwhile_is_not_mixed_with_the_one_before(tmp_path: Path) -> None:
-    (tmp_path / "room.obj").write_text(ROOM)
-    (tmp_path / "room.mtl").write_text(MATERIALS)
     workers = offline_world().workers
-    before = await one_node_job(tmp_path / "room.obj", SMALL, "any", workers)
+    before = await one_node_job(write_room(tmp_path), SMALL, "any", workers)
     # Within the box of its group: no table tells of it.
-    (tmp_path / "room.obj").write_text(ROOM.replace("v 0.1 0.2 -0.4", "v 0.1 0.1 -0.35"))
-    after = RecordsInMemory(tmp_path / "room.obj")
+    after = RecordsInMemory(write_room(tmp_path, block="v 0.1 0.1 -0.35"))
     assert (await read_tables(after, workers)).document.content == before.loaded.tables.document.content
     with pytest.raises(DamagedData, match="changed since the job was made"):
         await load_share(after, workers, before.job, 0)

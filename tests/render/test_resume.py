@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from render.painted_room import write_room
 from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
-from render.test_pool import MATERIALS, ROOM
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.render.job import RenderOptions
@@ -20,14 +20,6 @@ from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(width=96, height=72, samples=128, seed=3, sky=(0.2, 0.3, 0.5), layers=("position", "samples", "variance"))
 ADAPTIVE = replace(OPTIONS, samples=512, adaptive=Adaptive(0.05, 32))
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Records:
-    folder: Path = tmp_path_factory.mktemp("room")
-    (folder / "room.obj").write_text(ROOM)
-    (folder / "room.mtl").write_text(MATERIALS)
-    return records_of(folder / "room.obj")
 
 
 async def fetched(pool: MemoryPool, job: int, owner: NodeId, passes: int) -> bytes:
@@ -107,10 +99,9 @@ async def test_another_scene_or_renderer_is_refused_with_one_clear_error(room: R
 
 async def test_a_corner_that_moved_makes_another_scene(room: Records, tmp_path: Path) -> None:
     # Within the box of its group: no table tells of it.
-    (tmp_path / "room.obj").write_text(ROOM.replace("v 0.1 0.2 -0.4", "v 0.1 0.1 -0.35"))
-    (tmp_path / "room.mtl").write_text(MATERIALS)
+    moved = write_room(tmp_path, block="v 0.1 0.1 -0.35")
     keep, _ = await interrupted(room, OPTIONS, 1)
-    async with memory_pool(offline_world(), records_of(tmp_path / "room.obj"), 2) as pool:
+    async with memory_pool(offline_world(), records_of(moved), 2) as pool:
         owner = await pool.start(14, OPTIONS, keep=keep)
         state = await pool.until(14, owner, "failed")
         assert "was changed" in state["failure"]

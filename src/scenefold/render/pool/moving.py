@@ -53,10 +53,11 @@ class Moving:
 
     async def fetch(self, document: object) -> None:
         """Make ready to answer for this node's cell of another partition. PeerFault if it is none, LocalFault if it cannot be."""
-        partition, now = Partition.from_document(document), self._now()
+        partition = Partition.from_document(document)
         if partition.nodes != len(self._job.nodes):
             raise PeerFault("a partition is for another number of nodes")
         async with self._turn:
+            now = self._now()
             if partition.epoch <= now.cell.partition.epoch or self._next is not None:
                 raise PeerFault("cells do not move that way", where=f"epoch {partition.epoch}")
             if not now.cell.can_route:
@@ -99,7 +100,9 @@ class Moving:
                 self._has_left = trio.Event()
                 await self._has_left.wait()
             await self._left[0].cell.at_rest()
-            await self._close(self._left.popleft())
+            # What is in no list any more, nobody else would close.
+            with trio.CancelScope(shield=True):
+                await self._close(self._left.popleft())
             if not self._left:
                 self._all_left.set()
 
@@ -123,7 +126,8 @@ class Moving:
         share = now.loaded.share
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
         if holds and isinstance(now.scene, MovableScene):
-            return Held(Cell(partition, now.scene.tracers_in(partition, self._host.render_threads)), now.loaded, now.scene)
+            tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, partition, self._host.render_threads)
+            return Held(Cell(partition, tracers), now.loaded, now.scene)
         return await self._opened(partition)
 
     async def _opened(self, partition: Partition) -> Held:

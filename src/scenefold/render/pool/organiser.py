@@ -160,7 +160,8 @@ class Organiser:
         self._job, self._keys, self._request = job, None, None
         async with trio.open_nursery() as nursery:
             nursery.start_soon(keep_places, self._host, job)
-            self._mover = self._mover_of(job, tables)
+            if job.moves:
+                self._mover = await self._host.world.workers.run(LANE, self._mover_of, job, tables)
             await self._make_image(job, tables)
             nursery.cancel_scope.cancel()
 
@@ -329,7 +330,8 @@ class Organiser:
                 nursery.start_soon(look, index, node)
 
     def _mover_of(self, job: Job, tables: SceneTables) -> Mover | None:
-        rule = rule_of(self._algorithm) if job.moves else None
+        """None if no rule moves its cells. In a worker: a scene may have many boxes, and a rule may be a package's."""
+        rule = rule_of(self._algorithm)
         if rule is None:
             return None
         _, _, low, high = pair_boxes(tables)
