@@ -6,7 +6,8 @@
 
 BIN := .venv/bin
 # One test more at once than there are cores, up to four, since those with real nodes wait a lot; those of one file follow each other in one process.
-TOGETHER = -n $(shell $(BIN)/python -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))') --dist loadfile --no-loadscope-reorder
+# A process of tests that crashed is not started again: pytest-xdist may then wait for ever for what it was to run.
+TOGETHER = -n $(shell $(BIN)/python -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))') --dist loadfile --no-loadscope-reorder --max-worker-restart=0
 LINTERS = $(BIN)/ruff check --quiet && $(BIN)/ruff format --check --quiet && $(BIN)/mypy && $(BIN)/lint-imports --no-cache
 LOOK_FOR := $(if $(PYTHON),$(PYTHON),python3 python3.11 python3.12 python3.13 python3.14)
 

@@ -8,7 +8,8 @@ refused. It can be paused, and says what it did.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import trio
@@ -16,9 +17,10 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
+from scenefold.peer.balance.barred import Barred
 from scenefold.peer.balance.news import News
-from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, piece_of
-from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives
+from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, all_but_one, piece_of
+from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives, the_rest
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.gaps import GAP_REST_S, Gaps, beside
@@ -76,8 +78,12 @@ class Balancer:
         gaps: Gaps,
         *,
         is_off: bool = False,
+        needed: Callable[[], int] = lambda: 1,
     ) -> None:
-        """`resting`: whether it is paused. `gaps`: what of the line has no owner. `is_off`: it gives nothing as long as this process runs, whatever `resting` says."""
+        """`resting`: whether it is paused. `gaps`: what of the line has no owner. `is_off`: it gives nothing as long as this process runs, whatever `resting` says.
+
+        `needed`: how many nodes must have a record before a write counts, in the most demanding of all known spaces.
+        """
         self._world = world
         self._store = store
         self._line = line
@@ -87,6 +93,7 @@ class Balancer:
         self._resting = resting
         self._gaps = gaps
         self._is_off = is_off
+        self._barred = Barred(roster, log, own, needed)
         self.given = Given()
         self._news = News(own.me, RELAY_S)
         self._sides = {side: _SideState() for side in Side}
@@ -132,8 +139,12 @@ class Balancer:
         waiting = self._beside_gaps(nodes)
         if self._own.me in waiting:
             return []
+        barred = self._barred.now()
         fills = [self._fill(node, now, may_take=node not in waiting) for node in nodes]
+        fills = [replace(fill, capacity=0) if node in barred else fill for node, fill in zip(nodes, fills, strict=True)]
         self._wanted = gives(fills, me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
+        if not self._wanted and self._own.me in barred and self._line.arc.length > 1:
+            self._wanted = the_rest(fills, me)
         if self._is_paused() or self._line.refuses:
             return []
         return [give for give in self._wanted if self._may(give.side, now)]
@@ -202,10 +213,12 @@ class Balancer:
         state.under_way = True
         try:
             density = await self._density()
-            piece = await self._settled_piece(give.side, min(int(give.bytes * density), PIECE_BYTES_MAX))
+            piece = await self._settled_piece(give.side, min(int(give.bytes * density), PIECE_BYTES_MAX), may_be_all=give.is_rest)
             if piece is None or peer is None:
                 return
             why = f"balance: {give.bytes} bytes too many on this side of the bound"
+            if give.is_rest:
+                why = "the blacklist of its owner leaves it too few holders of copies"
             await self._line.give(give.side, piece.arc, why=why)
         except (Refused, Unreachable, PeerFault) as problem:
             self._stay_away(give.side, problem)
@@ -214,13 +227,15 @@ class Balancer:
         finally:
             self._sides[give.side].under_way = False
 
-    async def _settled_piece(self, side: Side, size: int) -> Piece | None:
-        """The piece to give; smaller if a part of it has come too recently."""
+    async def _settled_piece(self, side: Side, size: int, *, may_be_all: bool) -> Piece | None:
+        """The piece to give; smaller if a part of it has come too recently. `may_be_all`: if all lies in it, then all of the arc but one location."""
         arc = self._line.arc
         for _ in range(HALVINGS_MAX):
-            if arc is None or size <= 0:
+            if arc is None or (size <= 0 and not may_be_all):
                 return None
             piece = await piece_of(self._store, arc, side, size)
+            if piece is None and may_be_all:
+                piece = await all_but_one(self._store, arc, side)
             # One place may hold much more than was asked for: giving it would only turn the need round.
             if piece is None or piece.bytes > 2 * max(size, BYTES_MIN):
                 return None

@@ -81,10 +81,12 @@ class Draining:
         may_order: Callable[[str], bool] = lambda _user: True,
         lies_elsewhere: Callable[[], Awaitable[bool]] = _never,
         close: Callable[[bool], None] = _ignored,
+        needed: Callable[[], int] = lambda: 1,
     ) -> None:
         """`decides`: scenes whose log this node decides. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may.
 
         `close`: take no copies any more, or take them again. `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over.
+        `needed`: how many nodes must have a record before a write counts, in the most demanding of all known spaces.
         """
         self._world = world
         self._store = store
@@ -102,7 +104,7 @@ class Draining:
         self._request: bytes | None = None
         self._begun: tuple[float, int] | None = None
         self._waits_for = ""
-        self._takers = Takers(world, line, roster, log, own)
+        self._takers = Takers(world, line, roster, log, own, needed)
         self._quiet = QuietLog(_log, logging.INFO)
 
     def register(self, handlers: Handlers) -> None:

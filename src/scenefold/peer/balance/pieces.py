@@ -42,6 +42,20 @@ async def piece_of(scales: Scales, arc: Arc, side: Side, size: int) -> Piece | N
     return None if cut == arc else Piece(cut, weighed.records, weighed.bytes)
 
 
+async def all_but_one(scales: Scales, arc: Arc, side: Side) -> Piece | None:
+    """All of the arc but the location farthest from that side; None if that is nothing."""
+    if arc.length == 1:
+        return None
+    cut = Arc(_next(arc.first), arc.last) if side is Side.RIGHT else Arc(arc.first, _before(arc.last))
+    totals = await scales.arc_totals(cut)
+    return Piece(cut, totals.records, totals.bytes)
+
+
+def one_at(arc: Arc, side: Side) -> Arc | None:
+    """The one location at that end; None if that would be all."""
+    return None if arc.length == 1 else _end_at(arc, side, arc.last if side is Side.RIGHT else arc.first)
+
+
 async def half_of(scales: Scales, arc: Arc, side: Side) -> Arc | None:
     """The end with half of what lies in the arc, or with a piece's worth if that is less.
 
@@ -64,6 +78,14 @@ def up_to(arc: Arc, side: Side, place: Location) -> Arc | None:
         return None
     cut = _end_at(arc, side, place)
     return None if cut == arc else cut
+
+
+def _next(location: Location) -> Location:
+    return Location.from_number(location.number + 1)
+
+
+def _before(location: Location) -> Location:
+    return Location.from_number(location.number - 1)
 
 
 def _end_at(arc: Arc, side: Side, location: Location) -> Arc:

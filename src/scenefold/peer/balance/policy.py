@@ -39,7 +39,10 @@ FILL_MAX = 0.9
 
 @dataclass(frozen=True, slots=True)
 class NodeFill:
-    """How full a node is, as far as is known here. `open`: it is heard, its fill is known, and it would take a piece."""
+    """How full a node is, as far as is known here. `open`: it is heard, its fill is known, and it would take a piece.
+
+    A capacity of 0: it shall own nothing, so it is given nothing, and gives what it has.
+    """
 
     used: int
     capacity: int
@@ -48,10 +51,11 @@ class NodeFill:
 
 @dataclass(frozen=True, slots=True)
 class Give:
-    """Give about so many bytes to the neighbour on that side."""
+    """Give about so many bytes to the neighbour on that side. `is_rest`: whoever gives shall own nothing."""
 
     side: Side
     bytes: int
+    is_rest: bool = False
 
 
 def fair_shares(fills: Sequence[NodeFill]) -> list[float]:
@@ -87,6 +91,14 @@ def gives(line: Sequence[NodeFill], me: int, changes: Sequence[int] = ()) -> lis
             found.append(Give(side, int(amount)))
             spare -= int(amount)
     return found
+
+
+def the_rest(line: Sequence[NodeFill], me: int) -> list[Give]:
+    """What goes beside all flows from who shall own nothing: what it has still, to the neighbour with more room; nothing if it fits nowhere."""
+    first, last = piece_around(line, me)
+    rooms = {side: _room(line[at]) for side, at in ((Side.LEFT, me - 1), (Side.RIGHT, me + 1)) if first <= at <= last}
+    side = max(rooms, key=lambda side: rooms[side], default=None)
+    return [] if side is None or rooms[side] < line[me].used else [Give(side, line[me].used, is_rest=True)]
 
 
 def flow(piece: Sequence[NodeFill], bound: int) -> float:

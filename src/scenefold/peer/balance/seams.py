@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
-from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.line.ends import Side
@@ -36,12 +35,6 @@ class HasRegistry(Protocol):
 
     @property
     def registry(self) -> Registry: ...
-
-
-class KnowsArcs(Protocol):
-    """What the others said that they own (Roster)."""
-
-    def arcs(self) -> Mapping[NodeId, Arc | None]: ...
 
 
 class Log(HasRegistry, Protocol):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import trio
@@ -11,11 +12,13 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.balance.pieces import Scales, half_of, up_to
-from scenefold.peer.balance.seams import HasRegistry, KnowsArcs, MovesBounds
+from scenefold.peer.balance.barred import Barred
+from scenefold.peer.balance.pieces import Scales, half_of, one_at, up_to
+from scenefold.peer.balance.seams import HasRegistry, MovesBounds
 from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.line.ends import Side, touches
 from scenefold.peer.line.gaps import Gaps
+from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.wire import AskRange, HandoverReply
 
@@ -34,12 +37,23 @@ class _Promise:
 class Sharing:
     """Answers AskRange, and gives what it promised, one piece at a time."""
 
-    def __init__(self, store: Scales, line: MovesBounds, log: HasRegistry, own: OwnStatus, news: KnowsArcs, gaps: Gaps) -> None:
+    def __init__(
+        self,
+        store: Scales,
+        line: MovesBounds,
+        log: HasRegistry,
+        own: OwnStatus,
+        roster: Roster,
+        gaps: Gaps,
+        needed: Callable[[], int] = lambda: 1,
+    ) -> None:
+        """`needed`: how many nodes must have a record before a write counts, in the most demanding of all known spaces."""
         self._store = store
         self._line = line
         self._log = log
         self._own = own
-        self._news = news
+        self._roster = roster
+        self._barred = Barred(roster, log, own, needed)
         self._gaps = gaps
         self._promised, self._promises = trio.open_memory_channel[_Promise](1)
         self._giving_to: NodeId | None = None
@@ -76,7 +90,7 @@ class Sharing:
         if self._giving_to == receiver.node:
             # It did not hear our promise.
             return
-        if self._news.arcs().get(receiver.node) is not None:
+        if self._roster.arcs().get(receiver.node) is not None:
             # By itself nobody may draw what others hold: that is for balance to say.
             raise _busy(f"{peer} owns something already, as far as is known here")
         if self._line.refuses:
@@ -86,7 +100,8 @@ class Sharing:
         is_beside_gap = any(touches(gap, arc, side) for gap in self._gaps.unowned(arc)) if (arc := self._line.arc) is not None else False
         if is_beside_gap and side is Side.RIGHT:
             raise _busy("what lies between has no owner, and is adopted from its right")
-        piece = await self._piece(side, packet.place, is_beside_gap=is_beside_gap)
+        may_write = receiver.node not in self._barred.now()
+        piece = await self._piece(side, packet.place, is_beside_gap=is_beside_gap, may_write=may_write)
         if piece is None:
             raise Refused(RejectReason.OUTSIDE_BOUNDS, f"{address_of(self._own.me)} owns nothing that it could part with")
         if not self._line.settled(piece):
@@ -108,13 +123,16 @@ class Sharing:
             RejectReason.NOT_READY, f"{address_of(receiver)} is no neighbour of {address_of(self._own.me)} in the log as known here"
         )
 
-    async def _piece(self, side: Side, place: Location | None, *, is_beside_gap: bool) -> Arc | None:
+    async def _piece(self, side: Side, place: Location | None, *, is_beside_gap: bool, may_write: bool) -> Arc | None:
         arc = self._line.arc
         if arc is None or (is_beside_gap and arc.length == 1):
             return None
         if is_beside_gap and place is None:
             # By that it stands right of what nobody owns, and adopts it.
             return Arc(arc.first, arc.first)
+        if not may_write:
+            # So it stands on the line, and is given more as soon as its blacklist allows.
+            return one_at(arc, side)
         wanted = None if place is None else up_to(arc, side, place)
         return wanted if wanted is not None else await half_of(self._store, arc, side)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from scenefold.base.ids import NodeId, address_of
+from scenefold.peer.balance.barred import Barred
 from scenefold.peer.balance.emptying import room_of
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
@@ -17,12 +20,15 @@ REFUSED_S = 5.0
 class Takers:
     """The neighbours of one node, by their statuses and by what was sent to them since."""
 
-    def __init__(self, world: World, line: MovesBounds, roster: Roster, log: HasRegistry, own: OwnStatus) -> None:
+    def __init__(
+        self, world: World, line: MovesBounds, roster: Roster, log: HasRegistry, own: OwnStatus, needed: Callable[[], int]
+    ) -> None:
         self._world = world
         self._line = line
         self._roster = roster
         self._log = log
         self._own = own
+        self._barred = Barred(roster, log, own, needed)
         self._refused: dict[Side, tuple[float, str]] = {}
         """Until when a neighbour is left alone, and what it said."""
         self._sent_since: dict[NodeId, tuple[int, int]] = {}
@@ -76,6 +82,9 @@ class Takers:
             return f"{address_of(node)} does not answer"
         if fill_of(status)[1] == 0:
             return f"{address_of(node)} still finds out what lies in its part of the line"
+        if node in self._barred.now(without=self._own.me) and self._own.me not in self._barred.now():
+            at = address_of(node)
+            return f"the blacklist of {at} leaves it too few holders of copies: take something off it (`scenectl node blacklist rm`), or add nodes"
         until, text = self._refused.get(side, (0.0, ""))
         return text if self._world.clock.now() < until else ""
 

@@ -17,6 +17,7 @@ import trio
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, SpaceId, address_of
 from scenefold.base.location import FIRST, LAST, Arc, Location
+from scenefold.base.prefixes import Blacklist, address_prefix
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
 from scenefold.peer.balance import Balancer, Draining, Joining, Sharing
@@ -83,8 +84,9 @@ class House:
         self.handlers = Handlers(lambda: street.registry, self.own.mini, lambda mini: None)
         store, line, roster, log = cast(Any, self), self, cast(Any, self), street
         self.resting = Resting()
-        self.balancer = Balancer(self.world, store, line, roster, log, self.own, self.resting, Gaps(self.world.clock, roster))
-        self.sharing = Sharing(store, line, log, self.own, roster, Gaps(self.world.clock, roster))
+        gaps = Gaps(self.world.clock, roster)
+        self.balancer = Balancer(self.world, store, line, roster, log, self.own, self.resting, gaps, needed=lambda: street.needed)
+        self.sharing = Sharing(store, line, log, self.own, roster, Gaps(self.world.clock, roster), lambda: street.needed)
         self.joining = Joining(self.world, line, roster, cast(Any, street), log, cast(Any, self), self.own)
         self.draining = Draining(
             self.world,
@@ -96,6 +98,7 @@ class House:
             lambda: self.decides,
             has_lease=lambda: self.has_lease,
             may_order=lambda user: user == ADMINISTRATOR,
+            needed=lambda: street.needed,
         )
         for service in (self.sharing, self.draining):
             service.register(self.handlers)
@@ -108,6 +111,10 @@ class House:
     @property
     def used(self) -> int:
         return sum(self.sizes.values())
+
+    def forbid(self, *prefixes: str) -> None:
+        """Put these on this node's blacklist."""
+        self.own.blacklist = Blacklist(self.own.blacklist.version + 1, tuple(map(address_prefix, prefixes)))
 
     def measure(self) -> None:
         self.own.arc = self.arc
@@ -213,6 +220,8 @@ class Street:
             House(self, number, capacity, self.registry.founding_arc(node(number))) for number, capacity in enumerate(capacities)
         ]
         self.handovers = 0
+        self.needed = 1
+        """Of the most demanding of all spaces: nodes that must have a record."""
         self.former: list[Arc] = []
         """What removed members claimed last."""
         self.bytes_per_s = 1 << 40
