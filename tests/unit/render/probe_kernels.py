@@ -181,11 +181,18 @@ def scattered(wo: Any, base: Any, metallic: Any, alpha: Any, reflection: Any, tr
     return out
 
 
+@njit(error_model="numpy", forceinline=True)
+def _coat_over(strength: Any, alpha: Any, normal: Any, wo: Any) -> Any:
+    # Never hand an array to what returns it within a tuple: render kernels count no references, so these loops would give back one too many.
+    upright = (normal[0], normal[1], normal[2])
+    return _coat(strength, alpha, normal[0], normal[1], normal[2], -wo[0], -wo[1], -wo[2], upright)
+
+
 @njit(cache=True, error_model="numpy")
 def coated_evaluations(strength: Any, alpha: Any, normal: Any, wo: Any, wi: Any, below: Any) -> Any:
     """f64[n, 2]: value times cosine and density of a coat over Lambert of this albedo, whose normal is z."""
     out = np.empty((wi.shape[0], 2))
-    coat = _coat(strength, alpha, normal[0], normal[1], normal[2], -wo[0], -wo[1], -wo[2], normal)
+    coat = _coat_over(strength, alpha, normal, wo)
     for i in range(wi.shape[0]):
         x, y, z = wi[i, 0], wi[i, 1], wi[i, 2]
         f = below / np.pi if z > 0.0 else 0.0
@@ -198,7 +205,7 @@ def coated_evaluations(strength: Any, alpha: Any, normal: Any, wo: Any, wi: Any,
 def coat_scattered(strength: Any, alpha: Any, normal: Any, wo: Any, numbers: Any) -> Any:
     """Directions f64[n, 3] of the same, from f64[n, 3]; (0, 0, 0) where one leaves the coat downwards."""
     out = np.zeros((numbers.shape[0], 3))
-    coat = _coat(strength, alpha, normal[0], normal[1], normal[2], -wo[0], -wo[1], -wo[2], normal)
+    coat = _coat_over(strength, alpha, normal, wo)
     for i in range(numbers.shape[0]):
         lobe, u, v = numbers[i, 0], numbers[i, 1], numbers[i, 2]
         if lobe < coat.pick:
