@@ -21,9 +21,11 @@ from scenefold.render.in_memory import one_node_job
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
 from scenefold.render.numbers import job_box
+from scenefold.render.out_of_core import compiling as compiling_module
 from scenefold.render.out_of_core import spill as spill_module
 from scenefold.render.out_of_core import tracing as tracing_module
 from scenefold.render.out_of_core.cells import Cells, cells_within
+from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.out_of_core.pager import runs
 from scenefold.render.out_of_core.spill import Spill, will_need
 from scenefold.render.out_of_core.still import MIB, Made, OutOfCore, beside_trees, render_within
@@ -246,3 +248,23 @@ def test_mapped_arrays_are_plain_and_can_be_asked_for(tmp_path: Path) -> None:
 def test_runs() -> None:
     assert runs([]) == []
     assert runs([1, 2, 3, 7, 9, 10]) == [(1, 3), (7, 7), (9, 10)]
+
+
+def test_kernels_are_compiled_in_a_process_of_their_own_and_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = tmp_path / "compiled"
+    (tmp_path / "compiler.py").write_text(f"open({str(compiled)!r}, 'a').write('once ')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
+    monkeypatch.setattr(compiling_module, "WARM", "compiler")
+    monkeypatch.setattr(compiling_module, "are_compiled", compiled.exists)
+    assert trio.run(compile_apart)
+    assert not trio.run(compile_apart)
+    assert compiled.read_text() == "once "
+
+
+def test_who_cannot_compile_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "compiler.py").write_text("raise MemoryError('no room to compile')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
+    monkeypatch.setattr(compiling_module, "WARM", "compiler")
+    monkeypatch.setattr(compiling_module, "are_compiled", lambda: False)
+    with pytest.raises(LocalFault, match="ended with code 1: MemoryError: no room to compile"):
+        trio.run(compile_apart)

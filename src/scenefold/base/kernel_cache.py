@@ -52,6 +52,24 @@ def use_kernel_cache() -> Path | None:
     return folder
 
 
+def note_compiled() -> None:
+    """All kernels of this state are compiled, and lie in the folder that was chosen."""
+    mark = _mark()
+    if mark is not None:
+        mark.touch()
+
+
+def are_compiled() -> bool:
+    """Whether that was noted: a render compiles nothing, but what a changed machine makes it compile anew."""
+    mark = _mark()
+    return mark is not None and mark.exists()
+
+
+def _mark() -> Path | None:
+    folder = os.environ.get(_VARIABLE)
+    return Path(folder) / f"compiled-{kernels_hash()}" if folder and Path(folder).is_dir() else None
+
+
 def kernels_hash(sources: Path = _SOURCES) -> str:
     """A hash of every kernels module below `sources` and of all modules of ours that these import, directly or not."""
     digest = hashlib.sha256()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from scenefold.base import kernel_cache
-from scenefold.base.kernel_cache import kernels_hash, use_kernel_cache
+from scenefold.base.kernel_cache import are_compiled, kernels_hash, note_compiled, use_kernel_cache
 
 
 @pytest.fixture
@@ -53,6 +53,17 @@ def test_numba_is_pointed_to_a_private_folder(home: Path) -> None:
     assert folder == home / kernels_hash()
     assert os.environ["NUMBA_CACHE_DIR"] == str(folder)
     assert folder.stat().st_mode & 0o077 == 0
+
+
+def test_that_all_are_compiled_is_known_of_one_state_only(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    note_compiled()
+    assert not are_compiled(), "nothing was chosen"
+    folder = use_kernel_cache()
+    assert not are_compiled()
+    note_compiled()
+    assert are_compiled()
+    monkeypatch.setattr(kernel_cache, "kernels_hash", lambda: "edited")
+    assert not are_compiled(), f"{folder} may be the user's own, and hold several states"
 
 
 def test_what_the_user_chose_stays(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

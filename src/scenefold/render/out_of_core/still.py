@@ -21,6 +21,7 @@ from scenefold.render.job import Job, RenderOptions
 from scenefold.render.layers import Pixels, image_bytes
 from scenefold.render.numbers import job_box, job_numbers
 from scenefold.render.out_of_core.cells import Cells, cells_within
+from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.out_of_core.geometry_files import arrays_on_disk
 from scenefold.render.out_of_core.importing import import_apart
 from scenefold.render.out_of_core.pager import Pager
@@ -68,7 +69,7 @@ class Made:
 
 
 async def render_within(asked: OutOfCore, options: RenderOptions, progress: Progress) -> Made:
-    """Import the file, render it, and develop the image.
+    """Import the file, render it, and develop the image; kernels that are not compiled yet are, before all else.
 
     LocalFault if the file cannot be used, the budget is too small (with the smallest that is enough), or the disk is full.
     """
@@ -76,6 +77,7 @@ async def render_within(asked: OutOfCore, options: RenderOptions, progress: Prog
     workers = offline_world(lanes={LANE: asked.threads, TREES_LANE: 1}).workers
     with closing(Spill(asked.folder)) as spill:
         progress("prepare", 0, 1)
+        await compile_apart()
         begun = time.monotonic()
         imported = await import_apart(asked.file, spill, asked.moment, asked.environment)
         import_seconds = time.monotonic() - begun
