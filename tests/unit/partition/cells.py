@@ -64,7 +64,8 @@ def cuts(nodes: int, rng: np.random.Generator, *, thin: bool = False) -> list[Cu
             return []
         axis, lower = int(rng.integers(3)), int(rng.integers(1, count))
         plane = float(rng.uniform(low[axis], high[axis]))
-        plane = float(np.clip(np.round(2 * plane) / 2, low[axis], high[axis])) if thin else plane
+        # Rounding takes even a plain draw a last bit beyond where it ends.
+        plane = float(np.clip(np.round(2 * plane) / 2 if thin else plane, low[axis], high[axis]))
         under, over = high.copy(), low.copy()
         under[axis] = over[axis] = plane
         return [Cut(axis, plane, lower), *below(lower, low, under), *below(count - lower, over, high)]
