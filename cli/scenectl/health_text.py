@@ -36,8 +36,16 @@ def health_text(found: ClusterHealth, proof: Proof | None = None) -> str:
             ]
     for ailment in found.ailments:
         notes += [ailment.text, f"  -> {ailment.to_do}"] if ailment.to_do else [ailment.text]
-    parts = [_summary(found, proof), "", table(titles, map(_row, found.status.nodes))]
+    parts = [_summary(found, proof), "", table(titles, map(_row, found.status.nodes)), *_by_copies(found)]
     return "\n".join([*parts, *(["", *notes] if notes else [])])
+
+
+def _by_copies(found: ClusterHealth) -> list[str]:
+    """Where spaces ask for different numbers of copies: what is all that some shall have may be too little for others."""
+    if len(found.by_copies) < 2:
+        return []
+    titles = ("copies asked for", "records", "under-copied", "copies fewer, at most")
+    return ["", table(titles, [(of.copies, of.records, of.under_copied, of.missing_max) for of in found.by_copies])]
 
 
 def seen_text(losses: Sequence[LossReport]) -> str:
@@ -61,9 +69,8 @@ def _summary(found: ClusterHealth, proof: Proof | None) -> str:
         return f"{found.status.name}: healthy: {counted}, all where they belong, as the nodes say"
     short, degrading = found.shortage, {ailment.kind for ailment in found.ailments if ailment.degrades}
     if short is not None and degrading == {"too few nodes"}:
-        few = f"{short.told.possible} of {short.told.copies} copies"
         rest = "writes are refused where they need more" if short.forbids_writes else "nothing else is wrong"
-        return f"{found.status.name}: degraded, {few}: {counted}; {rest}"
+        return f"{found.status.name}: degraded, {short.brief}: {counted}; {rest}"
     if degrading == {"lost"}:
         return f"{found.status.name}: degraded: {counted}; others may be lost"
     seconds = found.seconds_to_health

@@ -95,9 +95,9 @@ async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_
         await kept.put_evenly(RECORDS, 2_000)
         alone = await verb(living)
         assert (alone.code, [ailment["kind"] for ailment in alone.json["ailments"]]) == (5, ["too few nodes"])
-        assert "only 1 of 3 copies" in alone.json["ailments"][0]["text"] and "add 2 nodes" in alone.json["ailments"][0]["to_do"]
+        assert "with 3 copies only 1 of them" in alone.json["ailments"][0]["text"] and "add 2 nodes" in alone.json["ailments"][0]["to_do"]
         status = await trio.to_thread.run_sync(partial(scenectl, "cluster", "status", profile=living.nodes.profile))
-        assert status.code == 0 and "only 1 of 3 copies" in status.out.decode(), status.out
+        assert status.code == 0 and "with 3 copies only 1 of them" in status.out.decode(), status.out
         async with trio.open_nursery() as writing:
             writing.start_soon(kept.go_on_writing)
             for spare in living.nodes.spares:
@@ -111,4 +111,4 @@ async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_
             await living.cluster.drain(spare)
             await living.at_rest(left_over)
         await kept.check()
-        await until(living, lambda health: health.shortage is not None and health.shortage.told.possible == 1)
+        await until(living, lambda health: health.shortage is not None and health.shortage.possible == 1)
