@@ -45,7 +45,7 @@ async def test_copies_are_proved_and_missed_as_soon_as_a_node_is_gone(tmp_path: 
         assert sound.code == 0, sound.json
         assert (sound.json["status"], sound.json["records_with_copies"], sound.json["seconds_to_health"]) == ("healthy", RECORDS, 0.0)
         proof = sound.json["proof"]
-        assert proof["copies"] == [{"wanted": 3, "valid": 3, "domains": 3, "records": RECORDS}]
+        assert proof["copies"] == [{"wanted": 3, "valid": 3, "domains": 3, "elsewhere": 0, "records": RECORDS}]
         assert (proof["sound"], proof["opened"], proof["named"]) == (True, RECORDS, [])
 
         gone = living.nodes.addresses[-1]

@@ -110,6 +110,18 @@ def test_a_proof_says_what_it_read_and_names_what_is_wrong_with_addresses() -> N
     assert (len(proof.named), proof.lost) == (20, 30) and proof_text(proof).endswith("\nand more")
 
 
+def test_copies_that_lie_elsewhere_are_not_hidden() -> None:
+    proof = Proof(("kitchen",), ended=True)
+    proof.add(finding(Verdict.VALID, Verdict.ELSEWHERE, Verdict.NOTHING, Verdict.ELSEWHERE))
+    lines = proof_text(proof).splitlines()
+    assert lines[1] == "  1 with 1 valid of 3 copies in place, in 2 failure domains; 2 more of each lie elsewhere"
+    assert lines[2] == "Records short of copies: 1, with further copies elsewhere: 1."
+    assert lines[3].startswith("Copies that lie elsewhere are brought home")
+    assert "short: 1 of 3 valid in place, 2 more copies lie elsewhere on 127.0.0.3, 127.0.0.5 (" in lines[4]
+    document = proof.document()
+    assert (document["elsewhere"], document["copies"][0]["elsewhere"], document["lost"]) == (1, 2, 0)
+
+
 def test_an_interrupted_proof_proves_nothing_of_the_rest() -> None:
     proof = Proof(("kitchen",))
     proof.add(finding(Verdict.VALID, Verdict.VALID, Verdict.VALID))

@@ -420,6 +420,21 @@ async def test_any_copy_goes_on_to_the_next_where_one_is_forged_or_rotten(autoju
         await scene.space(FILES).get(PLACES[3], any_copy=True)
 
 
+async def test_any_copy_is_no_stray_as_long_as_a_holder_may_have_something_newer(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    place = PLACES[3]
+    owner = nodes.table.owner_of(place)
+    astray, other = (address for address in nodes.addresses if address != owner.address)
+    nodes.claimed[astray] = Configuration(0, (Member(node_id_of(astray), bytes(16)),), 1)
+    nodes.kept[astray] = {place: nodes.kept[other].pop(PLACES[4])}
+    nodes.away.add(owner.address)
+    assert await scene.space(FILES).get(place, any_copy=True) == ITEMS[3][1]
+    nodes.away.add(other)
+    with pytest.raises((Refused, Unreachable)):
+        await scene.space(FILES).get(place, any_copy=True)
+
+
 async def test_an_owner_that_is_always_slow_is_not_what_is_usual_and_soon_not_waited_for(autojump_clock: MockClock) -> None:
     nodes = HoldingNodes(slow={"127.0.0.2": 0.002, "127.0.0.3": 0.3, "127.0.0.4": 0.002})
     scene = await kept_scene(nodes)
