@@ -427,12 +427,18 @@ async def test_any_copy_is_no_stray_as_long_as_a_holder_may_have_something_newer
     owner = nodes.table.owner_of(place)
     astray, other = (address for address in nodes.addresses if address != owner.address)
     nodes.claimed[astray] = Configuration(0, (Member(node_id_of(astray), bytes(16)),), 1)
-    nodes.kept[astray] = {place: nodes.kept[other].pop(PLACES[4])}
+    await scene.space(FILES).put(place, b"newer")
+    item = nodes.records[FILES, place]
+    nodes.kept[other][place] = RecordBytes(item.signature, item.header, item.ciphertext)
     nodes.away.add(owner.address)
-    assert await scene.space(FILES).get(place, any_copy=True) == ITEMS[3][1]
+    stranger = _scene(nodes).space(FILES)
+    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
+    assert await stranger.get(place, any_copy=True) == b"newer"
     nodes.away.add(other)
+    stranger = _scene(nodes).space(FILES)
+    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
     with pytest.raises((Refused, Unreachable)):
-        await scene.space(FILES).get(place, any_copy=True)
+        await stranger.get(place, any_copy=True)
 
 
 async def test_an_owner_that_is_always_slow_is_not_what_is_usual_and_soon_not_waited_for(autojump_clock: MockClock) -> None:
