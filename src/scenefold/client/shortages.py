@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from scenefold.base.ids import node_id_of
 from scenefold.base.prefixes import address_prefix
@@ -78,6 +78,11 @@ class Shortage:
             nodes += f" that {'owns' if possible == 1 else 'own'} a part of the line; {some_text(self.idle)} {have} none"
         lost = ", and what lies on its disk is lost with it" if possible == 1 and not writes and not self.idle else ""
         return f"{self.brief} can be there: {nodes}{writes}{lost}"
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        known = {"address": self.address or None, "possible": self.possible, "writes_refused": self.forbids_writes}
+        return {**known, "text": self.text, "to_do": self.to_do}
 
     @property
     def _forbidding(self) -> str:
