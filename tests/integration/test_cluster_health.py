@@ -11,6 +11,7 @@ import trio
 
 from integration.living_clusters import LOOK_S, SPACE, Kept, Living, living_cluster
 from integration.scenectl_process import Done, scenectl
+from scenefold.base.prefixes import address_prefix
 from scenefold.client import ClusterHealth, Condition
 
 PATIENCE_S = 60.0
@@ -112,3 +113,29 @@ async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_
             await living.at_rest(left_over)
         await kept.check()
         await until(living, lambda health: health.shortage is not None and health.shortage.possible == 1)
+
+
+def waits(health: ClusterHealth) -> list[str]:
+    """What is said to come by itself."""
+    return [ailment.kind for ailment in health.ailments if ailment.mends_itself or ailment.to_do.startswith("wait")]
+
+
+async def test_where_blacklists_leave_no_holder_they_are_named_and_nobody_is_told_to_wait(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 3) as living:
+        first, second, third = living.nodes.addresses
+        scene = await living.cluster.scenes.open("kept")
+        await Kept(await scene.create_space("shelf", copies=3, copies_min=2)).put_evenly(RECORDS, 200)
+        rules = {first: "127.0.0.0/8", second: "0.0.0.0/0"}
+        for address, prefix in rules.items():
+            await living.cluster.blacklist(address, add=[address_prefix(prefix)])
+        # What the last write still owed may be on its way for a moment.
+        found = await until(living, lambda health: all(copies.shortages for copies in health.reports[:2]) and not waits(health))
+        assert found.condition is Condition.DEGRADED and found.seconds_to_health is None
+        few = {ailment.address: ailment for ailment in found.ailments if ailment.kind == "too few nodes"}
+        assert few.keys() == rules.keys()
+        for address, prefix in rules.items():
+            assert f"{prefix} on its blacklist forbids" in few[address].text and third in few[address].text
+            assert f"scenectl node blacklist rm {prefix} --node {address}" in few[address].to_do
+        for address, prefix in rules.items():
+            await living.cluster.blacklist(address, remove=[address_prefix(prefix)])
+        await until(living, lambda health: health.condition is Condition.HEALTHY)
