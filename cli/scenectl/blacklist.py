@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
+from scenectl.errors import DEGRADED, DONE
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.values import AddressOption
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefold.base.prefixes import AddressPrefix, Blacklist
+    from scenefold.client import ClusterStatus
 
 app = App(name="blacklist", help="Say which nodes must hold no copies of what a node owns.", help_format="plaintext")
 
@@ -61,8 +63,10 @@ def remove(*prefixes: Names, node: AddressOption, dry_run: DryRun = False, outpu
 
 
 @app.command(name="list")
-def list_(node: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
-    """Show which nodes must hold no copies of what a node owns, by its own word.
+def list_(node: AddressOption | None = None, *, output: ProfileOutput = DEFAULT_PROFILE) -> int:
+    """Show which nodes must hold no copies of what a node owns, by its own word; by default of every node.
+
+    Exit code 5 if one of all does not answer: of that it is shown what another node knows.
 
     Example: scenectl node blacklist list 10.1.2.14 --profile studio
 
@@ -71,8 +75,31 @@ def list_(node: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) ->
     node
         IPv4 address of the node.
     """
+    if node is None:
+        return _show_all(output)
     found, _ = _ask(node.text, output)
     _show(node.text, found, output)
+    return DONE
+
+
+def _show_all(output: ProfileOutput) -> int:
+    from scenectl.running import connected, run
+
+    async def look() -> ClusterStatus:
+        async with connected(output.profile) as cluster:
+            return await cluster.status()
+
+    status = run(look)
+    nodes = [
+        {"address": node.address, "answers": node.alive, "version": node.blacklist_version, "blacklist": list(node.blacklist)}
+        for node in status.nodes
+    ]
+    lines = [
+        f"Node {node.address}: {_words(node.blacklist)}{'' if node.alive else f', as {status.asked} knows it; it does not answer'}."
+        for node in status.nodes
+    ]
+    emit(output, {"nodes": nodes}, "\n".join(lines))
+    return DONE if all(node.alive for node in status.nodes) else DEGRADED
 
 
 def _order(
@@ -132,8 +159,11 @@ def _ask(
 
 def _show(address: str, found: Blacklist, output: ProfileOutput) -> None:
     listed = list(map(str, found.prefixes))
-    words = f"no copies of its data on {', '.join(listed)}" if listed else "every other node may hold copies of its data"
-    emit(output, {"address": address, "version": found.version, "blacklist": listed}, f"Node {address}: {words}.")
+    emit(output, {"address": address, "version": found.version, "blacklist": listed}, f"Node {address}: {_words(listed)}.")
+
+
+def _words(listed: Sequence[str]) -> str:
+    return f"no copies of its data on {', '.join(listed)}" if listed else "every other node may hold copies of its data"
 
 
 def _show_changed(address: str, found: Blacklist, others: Sequence[str], output: ProfileOutput) -> None:
@@ -141,8 +171,7 @@ def _show_changed(address: str, found: Blacklist, others: Sequence[str], output:
     forbidden, allowed = _sorted(address, found, others)
     listed = list(map(str, found.prefixes))
     document = {"address": address, "version": found.version, "blacklist": listed, "forbidden": forbidden, "allowed": allowed}
-    words = f"no copies of its data on {', '.join(listed)}" if listed else "every other node may hold copies of its data"
-    lines = [f"Node {address}: {words}."]
+    lines = [f"Node {address}: {_words(listed)}."]
     if forbidden:
         lines.append(
             f"{_so_many(allowed, 'There can')}: where a space needs more before a write counts, writes to what it owns are refused; "

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from scenectl.names import SceneOption
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit, note
 from scenectl.values import SpaceOption, name_or_number, whole
 from scenefold.base.limits import COPIES_MAX
 
 if TYPE_CHECKING:
     from scenefold.base.ids import SpaceId
     from scenefold.client import CopiesPlan, Scene
+    from scenefold.client.shortages import Shortage
     from scenefold.scene.log import Layouts, LoggedSpace
 
 CopiesOption = Annotated[int, whole(1, COPIES_MAX)]
@@ -64,13 +65,24 @@ def copies(
         emit(output, {"scene": scene, **planned.document()}, plan_text(planned))
         return
 
-    async def change() -> LoggedSpace:
+    async def change() -> tuple[LoggedSpace, list[Shortage]]:
         async with connected(output.profile) as cluster:
             opened: Scene = await cluster.scenes.open(scene)
-            return await (await opened.space_named(name_or_number(space.text))).set_copies(number, min_copies)
+            said = await (await opened.space_named(name_or_number(space.text))).set_copies(number, min_copies)
+            return said, await cluster.shortages(said.copies, said.copies_min)
 
-    said = run(change)
-    emit(output, {"scene": scene, **said.document()}, f"Space {said.name} shall have {copies_text(said.copies, said.copies_min)}.")
+    said, short = run(change)
+    document = {"scene": scene, **said.document(), "shortages": [one.document() for one in short]}
+    emit(output, document, f"Space {said.name} shall have {copies_text(said.copies, said.copies_min)}.")
+    warn_of(said.name, short)
+
+
+def warn_of(space: str, shortages: Sequence[Shortage]) -> None:
+    """A line on standard error if the space cannot have all of its copies now, in the words of `cluster health`."""
+    if shortages:
+        first, *others = shortages
+        more = f"; and so of {counted(len(others), 'other node')}: scenectl cluster health" if others else ""
+        note(f"warning: space {space} is degraded from the start: {first.text}: {first.to_do}{more}")
 
 
 def plan_text(plan: CopiesPlan) -> str:

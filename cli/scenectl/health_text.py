@@ -36,8 +36,16 @@ def health_text(found: ClusterHealth, proof: Proof | None = None) -> str:
             ]
     for ailment in found.ailments:
         notes += [ailment.text, f"  -> {ailment.to_do}"] if ailment.to_do else [ailment.text]
-    parts = [_summary(found, proof), "", table(titles, map(_row, found.status.nodes))]
+    parts = [_summary(found, proof), "", table(titles, map(_row, found.status.nodes)), *_by_copies(found)]
     return "\n".join([*parts, *(["", *notes] if notes else [])])
+
+
+def _by_copies(found: ClusterHealth) -> list[str]:
+    """Where spaces ask for different numbers of copies: what is all that some shall have may be too little for others."""
+    if len(found.by_copies) < 2:
+        return []
+    titles = ("copies asked for", "records", "under-copied", "copies fewer, at most")
+    return ["", table(titles, [(of.copies, of.records, of.under_copied, of.missing_max) for of in found.by_copies])]
 
 
 def seen_text(losses: Sequence[LossReport]) -> str:
@@ -61,9 +69,8 @@ def _summary(found: ClusterHealth, proof: Proof | None) -> str:
         return f"{found.status.name}: healthy: {counted}, all where they belong, as the nodes say"
     short, degrading = found.shortage, {ailment.kind for ailment in found.ailments if ailment.degrades}
     if short is not None and degrading == {"too few nodes"}:
-        few = f"{short.told.possible} of {short.told.copies} copies"
         rest = "writes are refused where they need more" if short.forbids_writes else "nothing else is wrong"
-        return f"{found.status.name}: degraded, {few}: {counted}; {rest}"
+        return f"{found.status.name}: degraded, {short.brief}: {counted}; {rest}"
     if degrading == {"lost"}:
         return f"{found.status.name}: degraded: {counted}; others may be lost"
     seconds = found.seconds_to_health
@@ -107,8 +114,10 @@ def proof_text(proof: Proof, losses: Sequence[LossReport] = ()) -> str:
         f"Proof: {proof.records:,} records of {len(proof.scenes)} scene{'' if len(proof.scenes) == 1 else 's'}, "
         f"{size_text(proof.bytes)} read in {proof.seconds:.0f} s, {proof.opened:,} records opened as well."
     ]
-    for (wanted, valid, domains), count in sorted(proof.counts.items(), reverse=True):
-        lines.append(f"  {count:,} with {valid} valid of {wanted} copies, in {domains} failure domain{'' if domains == 1 else 's'}")
+    for (wanted, valid, domains, elsewhere), count in sorted(proof.counts.items(), reverse=True):
+        apart = f"in {domains} failure domain{'' if domains == 1 else 's'}"
+        further = f"; {elsewhere} more of each {'lies' if elsewhere == 1 else 'lie'} elsewhere" if elsewhere else ""
+        lines.append(f"  {count:,} with {valid} valid of {wanted} copies{' in place' if elsewhere else ''}, {apart}{further}")
     for one in proof.unlisted:
         what = "" if one.space is None else f", in space {one.space} of scene {one.scene}"
         lines.append(f"  not looked at: {arc_text(one.arc)}, which {one.address} owns{what}: {one.why}")
@@ -124,8 +133,11 @@ def proof_text(proof: Proof, losses: Sequence[LossReport] = ()) -> str:
     if proof.is_sound:
         return "\n".join([*lines, "All copies of all records are valid, and where they belong."])
     counts = {"lost": proof.lost, "short of copies": proof.short, "with corrupt copies": proof.corrupt, "mis-placed": proof.mis_placed}
+    counts |= {"with further copies elsewhere": proof.elsewhere}
     if any(counts.values()):
         lines.append("Records " + ", ".join(f"{kind}: {count:,}" for kind, count in counts.items() if count) + ".")
+    if proof.elsewhere:
+        lines.append("Copies that lie elsewhere are brought home once their owners may take them: what holds that up is said above.")
     found = proof.short + proof.corrupt + proof.mis_placed
     lines += in_short(proof.named)
     return "\n".join([*lines, "and more" if found > len(proof.named) == NAMED_MAX else ""]).rstrip()

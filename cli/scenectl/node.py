@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 from cyclopts.validators import Number
 
+from scenectl.checking import repair, verify
 from scenectl.errors import DEGRADED, DONE
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, emit_event
 from scenectl.values import AddressesOption, AddressOption, PortsOption, PrefixesOption, cluster_ports, whole
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 app = App(name="node", help="Run nodes, let them leave, and look at what they have stored.", help_format="plaintext")
 app.command("scenectl.blacklist:app", name="blacklist", help="Say which nodes must hold no copies of what a node owns.")
 app.command("scenectl.upkeep:app", name="upkeep", help="Pause what nodes do by themselves with records, or bound its speed.")
-app.command("scenectl.checking:verify", name="verify")
-app.command("scenectl.checking:repair", name="repair")
+app.command(verify)
+app.command(repair)
 
 Count = Annotated[int, whole(1, 127)]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from scenectl.copies import CopiesOption, MinCopiesOption, copies, copies_cell, lacking_text
+from scenectl.copies import CopiesOption, MinCopiesOption, copies, copies_cell, lacking_text, warn_of
 from scenectl.names import NewSpaceName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table
 from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
@@ -16,7 +16,8 @@ from scenectl.splitting import tidy
 from scenectl.values import PlaceOption, SpaceOption, name_or_number, whole
 
 if TYPE_CHECKING:
-    from scenefold.client import Scene, Space
+    from scenefold.client import Cluster, Scene, Space
+    from scenefold.client.shortages import Shortage
     from scenefold.scene.log import Layouts, LoggedSpace
 
 app = App(name="space", help="Make, move and query the spaces of a scene.", help_format="plaintext")
@@ -91,11 +92,14 @@ def create(
     }
     corners = None if box is None else (box.low, box.high)
 
-    async def make(opened: Scene) -> LoggedSpace:
-        return await (await opened.create_space(name, corners, **options)).info()
+    async def make(opened: Scene, cluster: Cluster) -> tuple[LoggedSpace, list[Shortage]]:
+        made = await (await opened.create_space(name, corners, **options)).info()
+        return made, await cluster.shortages(made.copies, made.copies_min)
 
-    made = run(_in_scene, output.profile, scene, make)
-    emit(output, {"scene": scene, **made.document()}, f"Space {made.name} is made; its number is {made.id}.")
+    made, short = run(_in_cluster, output.profile, scene, make)
+    document = {"scene": scene, **made.document(), "shortages": [one.document() for one in short]}
+    emit(output, document, f"Space {made.name} is made; its number is {made.id}.")
+    warn_of(made.name, short)
 
 
 @app.command(name="list")
@@ -262,11 +266,15 @@ def _position_or_id(record: dict[str, Any]) -> str:
     return str(record["object"]) if "object" in record else " ".join(f"{part:.6g}" for part in record["position"])
 
 
-async def _in_scene(profile: str | None, scene: str, work: Any) -> Any:
+async def _in_cluster(profile: str | None, scene: str, work: Any) -> Any:
     from scenectl.running import connected
 
     async with connected(profile) as cluster:
-        return await work(await cluster.scenes.open(scene))
+        return await work(await cluster.scenes.open(scene), cluster)
+
+
+async def _in_scene(profile: str | None, scene: str, work: Any) -> Any:
+    return await _in_cluster(profile, scene, lambda opened, _cluster: work(opened))
 
 
 def _emit_moved(output: ProfileOutput, scene: str, space: LoggedSpace) -> None:

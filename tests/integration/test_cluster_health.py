@@ -11,6 +11,7 @@ import trio
 
 from integration.living_clusters import LOOK_S, SPACE, Kept, Living, living_cluster
 from integration.scenectl_process import Done, scenectl
+from scenefold.base.prefixes import address_prefix
 from scenefold.client import ClusterHealth, Condition
 
 PATIENCE_S = 60.0
@@ -45,7 +46,7 @@ async def test_copies_are_proved_and_missed_as_soon_as_a_node_is_gone(tmp_path: 
         assert sound.code == 0, sound.json
         assert (sound.json["status"], sound.json["records_with_copies"], sound.json["seconds_to_health"]) == ("healthy", RECORDS, 0.0)
         proof = sound.json["proof"]
-        assert proof["copies"] == [{"wanted": 3, "valid": 3, "domains": 3, "records": RECORDS}]
+        assert proof["copies"] == [{"wanted": 3, "valid": 3, "domains": 3, "elsewhere": 0, "records": RECORDS}]
         assert (proof["sound"], proof["opened"], proof["named"]) == (True, RECORDS, [])
 
         gone = living.nodes.addresses[-1]
@@ -95,9 +96,9 @@ async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_
         await kept.put_evenly(RECORDS, 2_000)
         alone = await verb(living)
         assert (alone.code, [ailment["kind"] for ailment in alone.json["ailments"]]) == (5, ["too few nodes"])
-        assert "only 1 of 3 copies" in alone.json["ailments"][0]["text"] and "add 2 nodes" in alone.json["ailments"][0]["to_do"]
+        assert "with 3 copies only 1 of them" in alone.json["ailments"][0]["text"] and "add 2 nodes" in alone.json["ailments"][0]["to_do"]
         status = await trio.to_thread.run_sync(partial(scenectl, "cluster", "status", profile=living.nodes.profile))
-        assert status.code == 0 and "only 1 of 3 copies" in status.out.decode(), status.out
+        assert status.code == 0 and "with 3 copies only 1 of them" in status.out.decode(), status.out
         async with trio.open_nursery() as writing:
             writing.start_soon(kept.go_on_writing)
             for spare in living.nodes.spares:
@@ -111,4 +112,30 @@ async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_
             await living.cluster.drain(spare)
             await living.at_rest(left_over)
         await kept.check()
-        await until(living, lambda health: health.shortage is not None and health.shortage.told.possible == 1)
+        await until(living, lambda health: health.shortage is not None and health.shortage.possible == 1)
+
+
+def waits(health: ClusterHealth) -> list[str]:
+    """What is said to come by itself."""
+    return [ailment.kind for ailment in health.ailments if ailment.mends_itself or ailment.to_do.startswith("wait")]
+
+
+async def test_where_blacklists_leave_no_holder_they_are_named_and_nobody_is_told_to_wait(tmp_path: Path) -> None:
+    async with living_cluster(tmp_path, 3) as living:
+        first, second, third = living.nodes.addresses
+        scene = await living.cluster.scenes.open("kept")
+        await Kept(await scene.create_space("shelf", copies=3, copies_min=2)).put_evenly(RECORDS, 200)
+        rules = {first: "127.0.0.0/8", second: "0.0.0.0/0"}
+        for address, prefix in rules.items():
+            await living.cluster.blacklist(address, add=[address_prefix(prefix)])
+        # What the last write still owed may be on its way for a moment.
+        found = await until(living, lambda health: all(copies.shortages for copies in health.reports[:2]) and not waits(health))
+        assert found.condition is Condition.DEGRADED and found.seconds_to_health is None
+        few = {ailment.address: ailment for ailment in found.ailments if ailment.kind == "too few nodes"}
+        assert few.keys() == rules.keys()
+        for address, prefix in rules.items():
+            assert f"{prefix} on its blacklist forbids" in few[address].text and third in few[address].text
+            assert f"scenectl node blacklist rm {prefix} --node {address}" in few[address].to_do
+        for address, prefix in rules.items():
+            await living.cluster.blacklist(address, remove=[address_prefix(prefix)])
+        await until(living, lambda health: health.condition is Condition.HEALTHY)

@@ -176,8 +176,18 @@ def test_copies_are_said_and_listed(profile: str) -> None:
     assert (fewer["copies"], fewer["copies_min"]) == (2, 1) and fewer["copies_since"] > fewer["created"]
     more = space(profile, "copies", "safe", "3").json
     assert (more["copies"], more["copies_min"]) == (3, 1) and more["copies_since"] > fewer["copies_since"]
-    text = scenectl("space", "copies", "vault", "4", "--scene", "kitchen", profile=profile).out.decode()
-    assert text == "Space vault shall have 4 copies, at least 2 before a record counts as stored.\n"
+    assert fewer["shortages"] == more["shortages"] == []
+    done = scenectl("space", "copies", "vault", "4", "--scene", "kitchen", profile=profile)
+    assert done.out.decode() == "Space vault shall have 4 copies, at least 2 before a record counts as stored.\n"
+    few = "in spaces with 4 copies only 3 of them can be there: the cluster has 3 nodes"
+    assert done.err.splitlines() == [
+        f"warning: space vault is degraded from the start: {few}: add a node, and the copies are made: scenectl cluster invite --node"
+    ]
+    many = space(profile, "create", "many", "--copies", "5")
+    (short,) = many.json["shortages"]
+    assert (many.code, short["address"], short["possible"], short["writes_refused"]) == (0, None, 3, False)
+    assert "in spaces with 5 copies only 3 of them" in short["text"] and "add 2 nodes" in short["to_do"]
+    assert many.err.count("\n") == 1, "one line, with --json as well"
     spaces = {entry["name"]: entry for entry in space(profile, "list").json["spaces"]}
     assert spaces["vault"]["shadows"] == [parent + 4, parent + 5, parent + 6]
     assert spaces["geometry"]["copies"] == 3, "by default, also in the spaces that every scene has"
@@ -196,7 +206,7 @@ def test_copies_that_cannot_be(profile: str, hall: str) -> None:
     shadow = "create", "shade", "--parent"
     assert "takes no shadow" in space(profile, *shadow, "hall").refusal(1)
     assert "takes no shadow" not in space(profile, *shadow, "crypt").refusal(1)
-    assert "is not 0" in space(profile, *shadow, "crypt", "--offset", "0").refusal(1)
+    assert "an offset of 0 is the record's own place" in space(profile, *shadow, "crypt", "--offset", "0").refusal(2)
     assert "with this offset already" in space(profile, *shadow, "crypt", "--offset", "80").refusal(1)
     assert "is a shadow itself, and has none of its own" in space(profile, *shadow, "crypt copy 1").refusal(1)
     assert "one copy itself" in space(profile, *shadow, "crypt", "--copies", "2").refusal(2)

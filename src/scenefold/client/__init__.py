@@ -9,9 +9,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scenefold.client.ailments import Ailment
     from scenefold.client.cards import card_for, member_name
     from scenefold.client.cluster import Cluster
-    from scenefold.client.cluster_health import Ailment, ClusterHealth, Condition
+    from scenefold.client.cluster_health import ClusterHealth, Condition
     from scenefold.client.connecting import connect, create_cluster, profile_folder
     from scenefold.client.copies import CopiesPlan
     from scenefold.client.exporting import ExportReport
@@ -49,7 +50,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "scenefold.client.cards": "card_for member_name",
     "scenefold.client.cluster": "Cluster",
-    "scenefold.client.cluster_health": "Ailment ClusterHealth Condition",
+    "scenefold.client.ailments": "Ailment",
+    "scenefold.client.cluster_health": "ClusterHealth Condition",
     "scenefold.client.connecting": "connect create_cluster profile_folder",
     "scenefold.client.copies": "CopiesPlan",
     "scenefold.client.exporting": "ExportReport",

@@ -15,6 +15,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_GET_KEYS, CLIENT_STATUS_S
 from scenefold.base.reasons import RejectReason
 from scenefold.client.copy_reads import CopyReads
+from scenefold.client.copy_words import is_stray
 from scenefold.client.sealing import Opened, open_all
 from scenefold.client.split import frames
 from scenefold.client.together import together
@@ -106,13 +107,14 @@ class _AnyCopies:
         owners = {owner.node_id for index in frame for owner in calls.table.candidates(self._homes[index])}
         async with calls.turn(address):
             if node in owners:
-                reply = await calls.ask(address, GetMany(scene, position, keys), GetManyReply, timeout_s=CLIENT_STATUS_S)
-                records: list[RecordBytes | object | None] = [_UNKNOWN if one == DAMAGED_RECORD else one for one in reply.records]
+                owned = await calls.ask(address, GetMany(scene, position, keys), GetManyReply, timeout_s=CLIENT_STATUS_S)
+                records: list[RecordBytes | object | None] = [_UNKNOWN if one == DAMAGED_RECORD else one for one in owned.records]
             else:
                 packet = GetCopies(scene, position, keys, False, True)
-                copies = (await calls.ask(address, packet, CopiesFound, timeout_s=CLIENT_STATUS_S)).copies
+                reply = await calls.ask(address, packet, CopiesFound, timeout_s=CLIENT_STATUS_S)
+                # Whoever holds copies may have something newer than what lies somewhere as a stray.
                 known = (CopyState.RECORD, CopyState.NOTHING)
-                records = [copy.record if copy.state in known else _UNKNOWN for copy in copies]
+                records = [copy.record if copy.state in known and not is_stray(reply, copy) else _UNKNOWN for copy in reply.copies]
         if not 1 <= len(records) <= len(frame):
             raise PeerFault(f"{len(records)} records for {len(frame)} keys", where=address)
         return records

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
 from typing import TypeVar, Unpack
@@ -22,6 +23,7 @@ from scenefold.client.hedging import more_telling
 from scenefold.client.known_log import NOTHING_KNOWN, Known, KnownLog
 from scenefold.client.membership import Membership
 from scenefold.client.orders import Orders
+from scenefold.client.possible_copies import shortages_to_come
 from scenefold.client.progress import ProgressCallback, callback_of
 from scenefold.client.proof import Proof
 from scenefold.client.proving import Proving
@@ -32,6 +34,7 @@ from scenefold.client.reencryption import Pace
 from scenefold.client.removals import RemovedNode, removed_nodes, still_gone
 from scenefold.client.reports import DrainReport, NodeReport, read_drain_report, read_report
 from scenefold.client.scenes import Scenes
+from scenefold.client.shortages import Shortage
 from scenefold.client.table import Owner
 from scenefold.client.together import together
 from scenefold.client.upkeep import Upkeep, UpkeepChanges, change_upkeep
@@ -82,6 +85,15 @@ class Cluster:
         """All nodes on the line with their right bounds, as one of them knows them; those that own nothing last."""
         await self.calls.refresh()
         return list(self.calls.table.owners)
+
+    async def shortages(self, copies: int, copies_min: int) -> list[Shortage]:
+        """Where a space with so many copies, of which so many must be there, lacks some with the nodes that there are; empty if nowhere.
+
+        By what a node says, or, if none answers now, by what is known already.
+        """
+        with suppress(Unreachable, Refused, PeerFault):
+            await self.calls.refresh()
+        return shortages_to_come(self.calls.table.owners, copies, copies_min)
 
     async def card_of(self, name: str) -> Card:
         """The card of a member, "user:<name>" or "node:<id>", verified. LocalFault if there is no such member."""

@@ -5,16 +5,18 @@ Nodes count what they own, so that no record is counted twice. Who does not answ
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from scenefold.client.copy_reports import CopiesReport, LossReport
+from scenefold.client.ailments import MAKE_ROOM, Ailment, ailments_of
+from scenefold.client.copy_reports import UNTOLD, CopiesOf, CopiesReport, LossReport
 from scenefold.client.health import ClusterStatus, NodeState, shortages
-from scenefold.client.own_warnings import strays_text
+from scenefold.client.listing import some_text
+from scenefold.client.own_warnings import Concern
 from scenefold.client.reports import NodeReport, ScrubReport
 from scenefold.client.shortages import Shortage
+from scenefold.client.surroundings import Surroundings, surroundings_of
 
 
 class Condition(StrEnum):
@@ -22,23 +24,6 @@ class Condition(StrEnum):
     MENDING = "mending"
     """All copies are there, and something is on its way."""
     DEGRADED = "degraded"
-
-
-@dataclass(frozen=True, slots=True)
-class Ailment:
-    """Something that is wrong at a node. `mends_itself`: nobody has to do anything but wait."""
-
-    kind: str
-    address: str
-    text: str
-    to_do: str
-    degrades: bool = True
-    mends_itself: bool = False
-
-    def document(self) -> dict[str, Any]:
-        """The JSON form (docs/reference/scenectl.md)."""
-        known = {"kind": self.kind, "address": self.address or None, "text": self.text, "to_do": self.to_do}
-        return {**known, "degrades": self.degrades, "mends_itself": self.mends_itself}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +57,12 @@ class ClusterHealth:
     def under_copied(self) -> int:
         """Records that lie on fewer nodes than they should."""
         return sum(copies.under_copied.records for copies in self.reports)
+
+    @property
+    def by_copies(self) -> list[CopiesOf]:
+        """What spaces of each number of copies ask for and lack, as far as nodes tell them apart, the lowest number first."""
+        told = [of for copies in self.reports for of in copies.by_copies if of.copies != UNTOLD]
+        return [_sum(number, [of for of in told if of.copies == number]) for number in sorted({of.copies for of in told})]
 
     @property
     def mis_placed(self) -> int:
@@ -123,6 +114,7 @@ class ClusterHealth:
             "nodes": [_node_document(node) for node in self.status.nodes],
             "records": self.records,
             "records_with_copies": sum(copies.copied for copies in self.reports),
+            "by_copies": [of.document() for of in self.by_copies],
             "under_copied": self.under_copied,
             "mis_placed": self.mis_placed,
             "corrupt": self.corrupt,
@@ -135,6 +127,16 @@ class ClusterHealth:
         }
 
 
+def _sum(copies: int, told: list[CopiesOf]) -> CopiesOf:
+    return CopiesOf(
+        copies,
+        records=sum(of.records for of in told),
+        under_copied=sum(of.under_copied for of in told),
+        missing_max=max(of.missing_max for of in told),
+        forbidden=sum(of.forbidden for of in told),
+    )
+
+
 def pending_of(report: NodeReport) -> int:
     """Of what a node owns, or holds in vain, how many copies and records are still to come to where they belong."""
     copies = report.copies
@@ -143,32 +145,40 @@ def pending_of(report: NodeReport) -> int:
 
 def health_of(status: ClusterStatus) -> ClusterHealth:
     """Everything that is wrong, what degrades first."""
-    silent, members = [node.address for node in status.nodes if not node.alive], frozenset(node.address for node in status.nodes)
+    around = surroundings_of(status.nodes)
     found = [
-        Ailment(warning.kind, warning.address, warning.text, _TO_DO.get(warning.kind, ""), mends_itself=warning.kind in _MENDS_ITSELF)
+        Ailment(warning.kind, warning.address, warning.text, _to_do(warning, around), mends_itself=warning.kind in _MENDS_ITSELF)
         for warning in status.warnings
         # How often damage was met is told there, and here what of it is not healed. What there are too few nodes for degrades here always.
         if warning.degrades and warning.kind not in ("damaged", _TOO_FEW)
     ]
     found += [Ailment(_TOO_FEW, few.address, few.text, few.to_do) for few in shortages(status.nodes)]
     for node in status.nodes:
-        found += [_held_up(ailment, node) for ailment in _of_node(node, silent, members)]
+        found += ailments_of(node, around)
     found += map(_lost, ClusterHealth(status, ()).losses)
     return ClusterHealth(status, tuple(sorted(found, key=lambda ailment: not ailment.degrades)))
 
 
 _TO_DO = {
-    "missing": "start it; if it is gone for ever, wait until it is removed: then others take over what it owned, as far as they have copies",
     "awaited": "start it, or take it off the line: scenectl cluster revoke",
     "no lease": "start the node that decides the cluster's log, or see what keeps it from answering",
     "gap": "start the nodes beside it that do not answer",
     "overlap": "look at both nodes' logs",
-    "nearly full": "free its disk, give it more (node run --capacity), or add a node",
+    "nearly full": MAKE_ROOM,
     "handover": "wait; if it lasts, look at both nodes' logs",
 }
 _MENDS_ITSELF = frozenset({"handover"})
 _TOO_FEW = "too few nodes"
-_WAIT = "wait: what is missing is copied"
+
+
+def _to_do(warning: Concern, around: Surroundings) -> str:
+    if warning.kind != "missing":
+        return _TO_DO.get(warning.kind, "")
+    if warning.address in around.removable:
+        return "start it; if it is gone for ever, wait until it is removed: then others take over what it owned, as far as they have copies"
+    if any(node.address == warning.address and node.is_voter for node in around.nodes):
+        return "start it: a node that decides the cluster's log is not removed, however long it is away"
+    return "start it, or others: as long as so many are away nobody is removed, and nobody takes over what they own"
 
 
 _LOST = "lost"
@@ -183,117 +193,13 @@ def _lost(loss: LossReport) -> Ailment:
     left = "too few of those that held it were left" if loss.complete_copy_left else "no complete copy of it was left"
     text = (
         f"{loss.noted_by}: {what} on {loss.share:.2%} of the line in spaces with {loss.copies} copies may be lost: "
-        f"{left} when {_some(loss.removed)} had been removed"
+        f"{left} when {some_text(loss.removed)} had been removed"
     )
     return Ailment(_LOST, loss.noted_by, text, _BRING_BACK)
 
 
-_RESTS = frozenset({"under-copied", "mis-placed", "comparing", "placing", "forbidden"})
-"""What nobody mends while repair is paused."""
-
-
-def _held_up(ailment: Ailment, node: NodeState) -> Ailment:
-    if node.report is None or "repair" not in node.report.paused or ailment.kind not in _RESTS or not ailment.mends_itself:
-        return ailment
-    return replace(ailment, to_do=f"repair is paused there: scenectl node upkeep resume {node.address}", mends_itself=False)
-
-
-def _of_node(node: NodeState, silent: list[str], members: frozenset[str]) -> Iterable[Ailment]:
-    address = node.address
-    if node.report is None:
-        return
-    copies = node.report.copies
-    if copies is None:
-        yield Ailment("unknown", address, f"{address} says nothing of copies", "let it run the same version as the others")
-        return
-    if copies.under_copied.records and (silent or not _is_explained(copies)):
-        text = (
-            f"{address}: {copies.under_copied.records:,} of {copies.copied:,} records lie on fewer nodes than they should, "
-            f"up to {copies.missing_max} {'copy' if copies.missing_max == 1 else 'copies'} fewer"
-        )
-        waits = f"start {_some(silent)}, or wait until the cluster removes what stays silent; then others get copies"
-        to_do = "see above" if copies.shortages else waits if silent else _WAIT
-        yield Ailment("under-copied", address, text, to_do, mends_itself=not silent and not copies.shortages)
-    elif copies.owed_to_silent:
-        yield _owed(address, copies, members)
-    if copies.forbidden.records:
-        text = (
-            f"{address}: copies of {copies.forbidden.records:,} records lie on {_some(copies.forbidden_on)}, where its blacklist forbids it"
-        )
-        yield Ailment(
-            "forbidden", address, text, "add nodes that it allows" if copies.shortages else _WAIT, mends_itself=not copies.shortages
-        )
-    if copies.full:
-        text = f"{address}: {_some(copies.full)} had no room for copies of what it owns; others hold them, as far as there are any"
-        yield Ailment("no room", address, text, _TO_DO["nearly full"], degrades=False)
-    if copies.rotten:
-        healing = copies.rotten - copies.unhealed
-        counts = [f"{healing:,} are being fetched from others"] if healing else []
-        counts += [f"{copies.unhealed:,} could not be had from others, at the last try"] if copies.unhealed else []
-        text = f"{address}: {copies.rotten:,} records have rotted on its disk: {', '.join(counts)}"
-        to_do = (
-            "write what is lost anew, or restore it; then look at the disk: scenectl node verify"
-            if copies.unhealed
-            else "wait; then look at its disk"
-        )
-        yield Ailment("rotten", address, text, to_do, mends_itself=not copies.unhealed)
-    if copies.unrecovered:
-        text = f"{address}: it does not know yet what was acknowledged on {copies.unrecovered_share:.1%} of the line, which it took over"
-        to_do = (
-            f"start {_some(silent)}, or wait until it is removed: every node is asked what it has"
-            if silent
-            else "wait: every node is asked"
-        )
-        yield Ailment("unrecovered", address, text, to_do, mends_itself=not silent)
-    yield from _on_their_way(node, copies)
-
-
-def _owed(address: str, copies: CopiesReport, members: frozenset[str]) -> Ailment:
-    """What is to come to nodes that do not answer. To those that were removed nothing comes any more: nobody has to start them."""
-    text = f"{address}: {copies.owed_to_silent:,} records are still to come to {_some(copies.silent)}, which it does not hear"
-    left = [silent for silent in copies.silent if silent in members]
-    if left or not copies.silent:
-        return Ailment("owed", address, text, f"start {_some(left) or 'the nodes that are silent'}, or see what is between them")
-    what = "was removed" if len(copies.silent) == 1 else "were removed"
-    to_do = f"wait: what {_some(copies.silent)}, which {what}, was to get is owed no longer once others hold its copies"
-    return Ailment("owed", address, text, to_do, degrades=False, mends_itself=True)
-
-
-def _on_their_way(node: NodeState, copies: CopiesReport) -> Iterable[Ailment]:
-    """What costs no copy, and ends by itself."""
-    address = node.address
-
-    def mending(kind: str, text: str) -> Ailment:
-        return Ailment(kind, address, f"{address}: {text}", "wait", degrades=False, mends_itself=True)
-
-    if copies.under_copied.segments and not copies.under_copied.records and not _is_explained(copies):
-        yield mending("placing", "who is to hold copies of a part of its arc, where there are no records yet, is being settled")
-    if copies.mis_placed.records:
-        yield mending(
-            "mis-placed", f"copies of {copies.mis_placed.records:,} records move to other nodes; until then the former ones count"
-        )
-    if copies.comparing.records:
-        yield mending("comparing", f"{copies.comparing.records:,} records that it took over are being compared with their copies")
-    if copies.owed > copies.owed_to_silent:
-        yield mending("pending", f"{copies.owed - copies.owed_to_silent:,} copies are on their way")
-    if copies.unsettled:
-        yield mending("unsettled", f"{copies.unsettled:,} records wait until enough nodes have them")
-    if node.report is not None and node.report.strays:
-        yield mending("strays", f"{strays_text(node.report)} records that belong elsewhere are being brought home")
-
-
-def _is_explained(copies: CopiesReport) -> bool:
-    """Whether no record lacks more copies than there are too few nodes for, which is told with what to do."""
-    return copies.missing_max <= max((short.copies - short.possible for short in copies.shortages), default=0)
-
-
 def _is_at_work(copies: CopiesReport) -> bool:
     return bool(copies.under_copied.records or copies.mis_placed.records or copies.forbidden.records or copies.repair.records)
-
-
-def _some(addresses: Iterable[str]) -> str:
-    listed = list(addresses)
-    return ", ".join(listed[:4]) + (f" and {len(listed) - 4} others" if len(listed) > 4 else "")
 
 
 def _node_document(node: NodeState) -> dict[str, Any]:

@@ -12,6 +12,8 @@ from scenefold.wire.loss_packets import LOSS_ID_BYTES
 
 LISTED_MAX = 64
 """No report names more of one kind."""
+UNTOLD = 0
+"""In place of a number of copies: of all spaces that have any, by a node that does not tell them apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,16 +29,42 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class ShortageReport:
-    """Spaces with so many copies, of which only `possible` can be there. `blacklist_of`: whose; None: there are no other nodes."""
+    """Spaces with so many copies, of which only `possible` can be there. `blacklist_of`: whose; None: there are no other nodes.
+
+    `needed`, `needed_most`: of how many nodes a write is asked for by the least demanding of these spaces, and by the most demanding.
+    """
 
     copies: int
     needed: int
     possible: int
     blacklist_of: str | None
+    needed_most: int
 
     @property
     def forbids_writes(self) -> bool:
-        return self.possible < self.needed
+        """In some of these spaces."""
+        return self.possible < self.needed_most
+
+    @property
+    def keeps_forbidden(self) -> bool:
+        """Whether copies stay where a blacklist forbids them by now, as nobody may take their place and no write counts."""
+        return self.blacklist_of is not None and self.possible < self.needed
+
+
+@dataclass(frozen=True, slots=True)
+class CopiesOf:
+    """Of what a node owns in spaces with so many copies. `missing_max`: how many copies those records are short of that lack most."""
+
+    copies: int
+    records: int
+    under_copied: int
+    missing_max: int
+    forbidden: int
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form (docs/reference/scenectl.md)."""
+        known = {"copies": self.copies, "records": self.records, "under_copied": self.under_copied}
+        return {**known, "missing_max": self.missing_max, "forbidden": self.forbidden}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +134,18 @@ class CopiesReport:
     full: tuple[str, ...] = ()
     """Nodes that had no room for copies of what it owns."""
     lost: tuple[LossReport, ...] = ()
+    by_copies: tuple[CopiesOf, ...] = ()
+    """What spaces of each number of copies ask for and lack, the lowest number first."""
+
+    def shortage_of(self, of: CopiesOf) -> ShortageReport | None:
+        """Why such spaces cannot have all of their copies; None if they can. The worst, if layouts differ."""
+        found = (short for short in self.shortages if of.copies in (UNTOLD, short.copies))
+        return max(found, key=lambda short: short.copies - short.possible, default=None)
+
+    def is_explained(self, of: CopiesOf) -> bool:
+        """Whether none of these records lacks more copies than cannot be there anyway, which is told with what to do."""
+        short = self.shortage_of(of)
+        return of.missing_max <= (0 if short is None else short.copies - short.possible)
 
     def document(self) -> dict[str, Any]:
         """The JSON form (docs/reference/scenectl.md)."""
@@ -115,6 +155,7 @@ class CopiesReport:
             "owned_with_copies": self.copied,
             "under_copied": self.under_copied.records,
             "missing_max": self.missing_max,
+            "by_copies": [of.document() for of in self.by_copies if of.copies != UNTOLD],
             "owed": self.owed,
             "owed_to_silent": self.owed_to_silent,
             "mis_placed": self.mis_placed.records,
@@ -141,8 +182,8 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
     if not found:
         return None
     owned, owed, repair, shortages, rotten = found["owned"], found["owed"], found["repair"], found["shortages"], found["rotten"]
-    full, lost = found.get("full", ()), found.get("lost", ())
-    if max(map(len, (owed["nodes"], shortages, found["forbidden"]["nodes"], full, lost))) > LISTED_MAX:
+    full, lost, by_copies = found.get("full", ()), found.get("lost", ()), found.get("by_copies", ())
+    if max(map(len, (owed["nodes"], shortages, found["forbidden"]["nodes"], full, lost, by_copies))) > LISTED_MAX:
         raise ValueError("more than a report names")
     return CopiesReport(
         owned=told_count(owned["records"]),
@@ -165,6 +206,7 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         shortages=tuple(map(_shortage, shortages)),
         full=tuple(map(told_address, full)),
         lost=tuple(map(_loss, lost)),
+        by_copies=tuple(map(_of, by_copies)) if "by_copies" in found else (_of_all(found),),
         repair=RepairReport(
             told_count(repair["segments"]),
             told_count(repair["records"]),
@@ -179,13 +221,24 @@ def _part(found: Mapping[str, Any]) -> Part:
     return Part(told_count(found["segments"]), told_count(found["records"]))
 
 
+def _of(found: Mapping[str, Any]) -> CopiesOf:
+    return CopiesOf(*(told_count(found[key]) for key in ("copies", "records", "under_copied", "missing_max", "forbidden")))
+
+
+def _of_all(found: Mapping[str, Any]) -> CopiesOf:
+    under, owned, forbidden = found["under_copied"], found["owned"], found["forbidden"]
+    counts = (owned["records_with_copies"], under["records"], under["missing_max"], forbidden["records"])
+    return CopiesOf(UNTOLD, *map(told_count, counts))
+
+
 def _shortage(found: Mapping[str, Any]) -> ShortageReport:
-    whose = found["blacklist_of"]
+    whose, needed = found["blacklist_of"], told_count(found["needed"])
     return ShortageReport(
         told_count(found["copies"]),
-        told_count(found["needed"]),
+        needed,
         told_count(found["possible"]),
         None if whose is None else told_address(whose),
+        told_count(found.get("needed_most", needed)),
     )
 
 

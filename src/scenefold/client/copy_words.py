@@ -14,7 +14,7 @@ from contextlib import suppress
 
 from scenefold.base.ids import NodeId
 from scenefold.crypto import IllFormedRecord, RecordHeader, Version, version_key, version_of
-from scenefold.wire import Configuration, Copy, CopyState, RecordBytes
+from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, RecordBytes
 
 NOTHING = b""
 """The version of what is not there."""
@@ -31,6 +31,11 @@ def word_of(copy: Copy) -> bytes | None:
             return version_of(copy.record.header)
         case _:
             return None
+
+
+def is_stray(reply: CopiesFound, copy: Copy) -> bool:
+    """Whether who answers has the record by no right: it shows it to who takes any copy, under a configuration of itself alone."""
+    return copy.state is CopyState.RECORD and reply.holders[copy.holders].number == 0
 
 
 def quorum(copies: int, needed: int) -> int:

@@ -16,7 +16,7 @@ from scenefold.base.location import FIRST, LAST, LINE_LENGTH, Arc, Location
 from scenefold.client.own_warnings import Concern, own_warnings
 from scenefold.client.removals import RemovedNode
 from scenefold.client.reports import HandoverReport, NodeReport
-from scenefold.client.shortages import Shortage, shortages_of
+from scenefold.client.shortages import Shortage, rules_of, shortages_of
 
 NEVER_CAME = bytes(16)
 """The incarnation of a founder that never registered."""
@@ -176,7 +176,14 @@ def judged(name: str, asked: str, nodes: Sequence[NodeState]) -> ClusterStatus:
 def shortages(nodes: Sequence[NodeState]) -> list[Shortage]:
     """Where fewer copies can be than there shall be."""
     told = [(node.address, node.report.copies) for node in nodes if node.report is not None and node.report.copies is not None]
-    return shortages_of(told, sum(node.report is None and node.incarnation == NEVER_CAME for node in nodes))
+    addresses = [node.address for node in nodes]
+    blacklists = {node.address: node.blacklist for node in nodes}
+    return shortages_of(
+        told,
+        awaited=sum(node.report is None and node.incarnation == NEVER_CAME for node in nodes),
+        idle=[node.address for node in nodes if node.report is not None and node.report.arc is None],
+        rules=lambda address: rules_of(address, blacklists[address], addresses),
+    )
 
 
 def _trimmed(node: NodeState, nodes: Sequence[NodeState]) -> NodeState:

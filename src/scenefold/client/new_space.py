@@ -163,6 +163,9 @@ class _Shape(NamedTuple):
 def _location(where: str, value: object) -> Location:
     if not isinstance(value, bytes) or len(value) != LOCATION_BYTES:
         raise UsageFault(f"an offset is a location, {LOCATION_BYTES} bytes", where=where, remedy="give a Location")
+    if value == FIRST:
+        what = "an offset of 0 is the record's own place, where no copy belongs"
+        raise UsageFault(what, where=where, remedy="give another one, or leave it out: it lies where there is most room")
     return Location(value)
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from scenefold.base.ids import NodeId, SpaceId, address_of
 from scenefold.base.location import LINE_LENGTH, Arc
+from scenefold.client.listing import some_text
 from scenefold.client.verifying import Key
 
 NAMED_MAX = 20
@@ -22,6 +23,8 @@ class Verdict(StrEnum):
     VALID = "valid"
     OLDER = "older"
     """Genuine, and another node has a newer version."""
+    ELSEWHERE = "elsewhere"
+    """Genuine, and no older than what lies where it belongs; but it lies where it does not, and is to be brought home."""
     NOTHING = "nothing"
     CORRUPT = "corrupt"
     """It is damaged, or is not what a writer of the scene has signed."""
@@ -50,6 +53,10 @@ class Finding:
         return [node for node, verdict in self.verdicts.items() if verdict is Verdict.VALID]
 
     @property
+    def elsewhere(self) -> list[NodeId]:
+        return [node for node, verdict in self.verdicts.items() if verdict is Verdict.ELSEWHERE]
+
+    @property
     def is_gone(self) -> bool:
         """It was deleted for good, or moved, since it was listed: nobody has anything of it."""
         return set(self.verdicts.values()) <= {Verdict.NOTHING}
@@ -61,7 +68,7 @@ class Finding:
     @property
     def is_lost(self) -> bool:
         """No node that answers has it sound."""
-        return not self.valid
+        return not self.valid and not self.elsewhere
 
     @property
     def is_corrupt(self) -> bool:
@@ -94,6 +101,7 @@ class Finding:
             "problems": [kind for kind, is_so in kinds if is_so],
             "wanted": self.wanted,
             "valid": len(self.valid),
+            "elsewhere": len(self.elsewhere),
             "domains": self.domains,
             "nodes": {address_of(node): str(verdict) for node, verdict in sorted(self.verdicts.items())},
         }
@@ -117,12 +125,14 @@ class Proof:
     records: int = 0
     bytes: int = 0
     """That were read, of all copies."""
-    counts: Counter[tuple[int, int, int]] = field(default_factory=Counter)
-    """How many records have so many copies wanted, valid ones, failure domains of these."""
+    counts: Counter[tuple[int, int, int, int]] = field(default_factory=Counter)
+    """How many records have so many copies wanted, valid ones, failure domains of these, and further copies elsewhere."""
     short: int = 0
     lost: int = 0
     corrupt: int = 0
     mis_placed: int = 0
+    elsewhere: int = 0
+    """Short ones of which further copies lie where they do not belong."""
     opened: int = 0
     named: list[Finding] = field(default_factory=list)
     unlisted: list[Unlisted] = field(default_factory=list)
@@ -134,11 +144,12 @@ class Proof:
         if finding.is_gone:
             return
         self.records += 1
-        self.counts[finding.wanted, len(finding.valid), finding.domains] += 1
+        self.counts[finding.wanted, len(finding.valid), finding.domains, len(finding.elsewhere)] += 1
         self.short += finding.is_short
         self.lost += finding.is_lost
         self.corrupt += finding.is_corrupt
         self.mis_placed += finding.is_mis_placed
+        self.elsewhere += bool(finding.elsewhere)
         self.opened += finding.is_opened
         if (finding.is_short or finding.is_corrupt or finding.is_mis_placed) and len(self.named) < NAMED_MAX:
             self.named.append(finding)
@@ -162,13 +173,14 @@ class Proof:
             "bytes_read": self.bytes,
             "opened": self.opened,
             "copies": [
-                {"wanted": wanted, "valid": valid, "domains": domains, "records": count}
-                for (wanted, valid, domains), count in sorted(self.counts.items(), reverse=True)
+                {"wanted": wanted, "valid": valid, "domains": domains, "elsewhere": elsewhere, "records": count}
+                for (wanted, valid, domains, elsewhere), count in sorted(self.counts.items(), reverse=True)
             ],
             "short": self.short,
             "lost": self.lost,
             "corrupt": self.corrupt,
             "mis_placed": self.mis_placed,
+            "elsewhere": self.elsewhere,
             "named": [finding.document() for finding in self.named],
             "unlisted": [
                 {
@@ -201,9 +213,20 @@ def domains_of(nodes: Collection[NodeId], keeps_away: Callable[[NodeId, NodeId],
 
 
 def newest_alone(verdicts: Mapping[NodeId, Verdict], versions: Mapping[NodeId, Any]) -> dict[NodeId, Verdict]:
-    """With what is genuine and not of the newest version told apart. `versions`: of what is genuine, in an order."""
-    newest = max(versions.values(), default=None)
-    return {node: Verdict.OLDER if verdict is Verdict.VALID and versions[node] != newest else verdict for node, verdict in verdicts.items()}
+    """With what is genuine and older than others told apart. `versions`: of what is genuine, in an order.
+
+    What lies elsewhere makes nothing older that lies where it belongs: it may be what its owner has refused.
+    """
+    in_place = [versions[node] for node, verdict in verdicts.items() if verdict is Verdict.VALID]
+    newest = max(in_place or versions.values(), default=None)
+    return {node: Verdict.OLDER if node in versions and versions[node] < newest else verdict for node, verdict in verdicts.items()}
+
+
+def valid_text(elsewhere: int) -> str:
+    """What valid copies are, where so many further ones lie elsewhere."""
+    if not elsewhere:
+        return "valid"
+    return f"valid in place, {elsewhere} more {'copy lies' if elsewhere == 1 else 'copies lie'} elsewhere"
 
 
 def in_short(findings: Iterable[Finding]) -> list[str]:
@@ -214,5 +237,7 @@ def in_short(findings: Iterable[Finding]) -> list[str]:
         place = f"object {key[2].hex()}" if len(key) == 3 else key[1].hex()
         said = ", ".join(f"{address_of(node)} {verdict}" for node, verdict in sorted(finding.verdicts.items()))
         problems = ", ".join(finding.document()["problems"])
-        lines.append(f"scene {finding.scene}, space {key[0]}, {place}: {problems}: {len(finding.valid)} of {finding.wanted} valid ({said})")
+        found = f"{len(finding.valid)} of {finding.wanted} {valid_text(len(finding.elsewhere))}"
+        found += f" on {some_text(map(address_of, sorted(finding.elsewhere)))}" if finding.elsewhere else ""
+        lines.append(f"scene {finding.scene}, space {key[0]}, {place}: {problems}: {found} ({said})")
     return lines

@@ -18,7 +18,7 @@ from scenefold.base.limits import CLIENT_GET_KEYS
 from scenefold.client.calls import Calls
 from scenefold.client.progress import ProgressCallback, ProgressState, no_progress
 from scenefold.client.proof import Finding, Proof, Unlisted, Verdict, domains_of, newest_alone
-from scenefold.client.proving_reads import NodeReads, Said
+from scenefold.client.proving_reads import NodeReads, Said, Stray, record_of
 from scenefold.client.proving_scenes import Checked, ShownScene, check_all, newer_scene
 from scenefold.client.ranging import entries
 from scenefold.client.split import frames
@@ -193,18 +193,24 @@ class Proving:
         said: Sequence[dict[NodeId, Said]],
         sure: Sequence[bool],
     ) -> list[Finding]:
-        shown = [(number, node, one) for number, told in enumerate(said) for node, one in told.items() if isinstance(one, RecordBytes)]
+        shown = [(number, node, record) for number, told in enumerate(said) for node, one in told.items() if (record := record_of(one))]
         checked = await self._checked(index, [(keys[number], record) for number, _, record in shown])
         known = {(number, node): found for (number, node, _), found in zip(shown, checked, strict=True)}
         findings = []
         for number, key in enumerate(keys):
             verdicts: dict[NodeId, Verdict] = {}
             for node, one in said[number].items():
-                if isinstance(one, RecordBytes):
+                if isinstance(one, Stray) and known[number, node].version is None:
+                    # What no writer has signed is no copy of anything, and belongs to nobody here.
+                    one = None
+                if isinstance(one, Stray):
+                    verdicts[node] = Verdict.ELSEWHERE
+                elif isinstance(one, RecordBytes):
                     verdicts[node] = Verdict.CORRUPT if known[number, node].version is None else Verdict.VALID
                 elif one is not None or node in placed[number]:
                     verdicts[node] = Verdict.NOTHING if one is None else one
-            versions = {node: known[number, node].version for node, verdict in verdicts.items() if verdict is Verdict.VALID}
+            sound = (Verdict.VALID, Verdict.ELSEWHERE)
+            versions = {node: known[number, node].version for node, verdict in verdicts.items() if verdict in sound}
             verdicts = newest_alone(verdicts, versions)
             valid = [node for node, verdict in verdicts.items() if verdict is Verdict.VALID]
             findings.append(

@@ -7,13 +7,14 @@ it is its own disk that was read, or it has claimed the place since, and claims 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import CLIENT_STATUS_S
 from scenefold.base.location import FIRST, Arc
 from scenefold.client.calls import Calls
+from scenefold.client.copy_words import is_stray
 from scenefold.client.proof import Verdict
 from scenefold.client.proving_scenes import ShownScene
 from scenefold.client.reencryption import Pace
@@ -38,7 +39,14 @@ READ_S = 20.0
 SILENT_S = 30.0
 """Who did not answer is let alone for so long."""
 
-Said: TypeAlias = RecordBytes | Verdict | None
+
+class Stray(NamedTuple):
+    """A record that lies at a node by no right: it is to be brought home."""
+
+    record: RecordBytes
+
+
+Said: TypeAlias = RecordBytes | Stray | Verdict | None
 """A record; or nothing, corrupt, silent. None: the node is none of those who hold it."""
 
 
@@ -74,7 +82,7 @@ class NodeReads:
         async def ask(left: Sequence[Key]) -> list[Said]:
             packet = GetCopies(scene.scene, scene.position, tuple(RecordKey(*key) for key in left), digests_only=False, any_copy=True)
             reply = await self._calls.ask(self._calls.address_of(node), packet, CopiesFound, timeout_s=READ_S)
-            return [_of_copy(copy) for copy in reply.copies]
+            return [_of_copy(reply, copy) for copy in reply.copies]
 
         return await self._all(node, keys, ask)
 
@@ -94,7 +102,7 @@ class NodeReads:
             if not 1 <= len(part) <= len(left):
                 break
             found += part
-            await self._count(sum(len(said.ciphertext) for said in part if isinstance(said, RecordBytes)))
+            await self._count(sum(len(record.ciphertext) for record in map(record_of, part) if record is not None))
         return [*found, *[Verdict.SILENT] * (len(keys) - len(found))]
 
     async def _count(self, size: int) -> None:
@@ -117,18 +125,23 @@ class NodeReads:
         return None if first is None or first > own.right_bound else Arc(first, own.right_bound)
 
 
+def record_of(said: Said) -> RecordBytes | None:
+    """What a node has shown, wherever it belongs."""
+    return said.record if isinstance(said, Stray) else said if isinstance(said, RecordBytes) else None
+
+
 def _as_said(record: RecordBytes | None) -> Said:
     if record is None:
         return Verdict.NOTHING
     return Verdict.CORRUPT if record == DAMAGED_RECORD else record
 
 
-def _of_copy(copy: Copy) -> Said:
+def _of_copy(reply: CopiesFound, copy: Copy) -> Said:
     match copy.state:
         case CopyState.NO_CUSTODY:
             return None
-        case CopyState.RECORD:
-            return copy.record
+        case CopyState.RECORD if copy.record is not None:
+            return Stray(copy.record) if is_stray(reply, copy) else copy.record
         case CopyState.DAMAGED:
             return Verdict.CORRUPT
         case _:

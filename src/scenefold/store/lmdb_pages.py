@@ -56,13 +56,14 @@ class _Tree(NamedTuple):
 
 
 def check_pages(path: Path) -> None:
-    """PagesDamaged if a page in use is not what it should be. What has no meta page that LMDB would take is its to refuse. Some us an entry."""
+    """PagesDamaged if a page in use is not what it should be, or none says to be the first of a store. Some us an entry."""
     if not path.stat().st_size:
-        return
+        raise PagesDamaged([f"{path.name} is empty"], str(path.parent))
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         metas = [found for found in (_meta(data, 0), *(_meta(data, size) for size in _PAGE_SIZES)) if found is not None]
         if not metas:
-            return
+            what = f"{path.name} was written over or cut off, or is no store: nothing in it says where the tree begins"
+            raise PagesDamaged([what], str(path.parent))
         problems = list(islice(_Pages(data, *max(metas, key=lambda meta: meta[-1])[:-1]).problems(), TOLD_MAX))
     if problems:
         raise PagesDamaged(problems, str(path.parent))

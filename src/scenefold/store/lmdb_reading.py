@@ -13,8 +13,8 @@ import lmdb
 
 from scenefold.base.errors import LocalFault
 from scenefold.store.folder import FolderLock
-from scenefold.store.lmdb_disk import DATA_NAME, check_begun, opening_fault
-from scenefold.store.lmdb_pages import check_pages
+from scenefold.store.lmdb_disk import DATA_NAME, opening_fault
+from scenefold.store.lmdb_pages import PagesDamaged, check_pages
 from scenefold.store.lmdb_transaction import LmdbTransaction
 from scenefold.store.sealing import damaged
 from scenefold.world.ports import ReadTransaction
@@ -22,12 +22,14 @@ from scenefold.world.ports import ReadTransaction
 
 @contextmanager
 def looked_at(folder: Path, tables: Sequence[str]) -> Iterator[ReadTransaction]:
-    """One view of those of the tables that are there. LocalFault if the folder is in use, or holds no store; PagesDamaged."""
+    """One view of those of the tables that are there. LocalFault if the folder is in use, or holds no store; PagesDamaged.
+
+    Nothing that was in the folder is changed, whatever is wrong with it.
+    """
     if not folder.is_dir() or not (folder / DATA_NAME).exists():
         raise LocalFault("there is no store", where=str(folder), remedy="give the folder that the node is run with (`--data`)")
     lock = FolderLock(folder, only_read=True)
     try:
-        check_begun(folder / DATA_NAME)
         check_pages(folder / DATA_NAME)
         with _opened(folder, len(tables)) as env, env.begin(buffers=True) as transaction:
             known = {name: found for name in tables if (found := _table(env, transaction, name)) is not None}
@@ -42,6 +44,8 @@ def looked_at(folder: Path, tables: Sequence[str]) -> Iterator[ReadTransaction]:
 def _opened(folder: Path, tables: int) -> Iterator[lmdb.Environment]:
     try:
         env = lmdb.open(str(folder), readonly=True, lock=False, create=False, max_dbs=tables + 8)
+    except (lmdb.InvalidError, lmdb.CorruptedError, lmdb.VersionMismatchError) as error:
+        raise PagesDamaged([f"{DATA_NAME} cannot be opened: {error}"], str(folder)) from error
     except lmdb.Error as error:
         raise opening_fault(error, folder) from error
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,10 @@ import pytest
 from scenectl.program import main
 from scenefold.store.layout import HOLDING, RECORDS, STATISTICS
 from unit.peer.checking.folders_made import COUNT, SCENE, filled, key, rot
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
 
 
 async def test_a_folder_in_which_all_is_well(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -66,6 +71,32 @@ async def test_what_cannot_be_mended_is_said_with_what_to_do(capsys: pytest.Capt
     assert main(["node", "repair", str(tmp_path), "--dry-run"]) == 5
     text = capsys.readouterr().out
     assert text.startswith("0 would be mended.\n") and "holding, arc: " in text and "1 cannot be mended: see to the disk" in text
+
+
+@pytest.mark.parametrize("verb", ["verify", "repair"])
+@pytest.mark.parametrize("how", ["garbage", "empty", "zeros", "100 bytes", "a page", "both first pages"])
+async def test_a_file_that_was_written_over_or_cut_off_is_damage_and_stays_as_it_is(
+    how: str, verb: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    await filled(tmp_path)
+    data = tmp_path / "data.mdb"
+    whole = data.read_bytes()
+    noise = random.Random(1).randbytes(300_000)
+    (tmp_path / "scenefold.lock").unlink()
+    (tmp_path / "lock.mdb").unlink()
+    data.write_bytes(
+        {"garbage": noise, "empty": b"", "zeros": bytes(300_000), "100 bytes": whole[:100], "a page": whole[:4096]}.get(
+            how, noise[:8192] + whole[8192:]
+        )
+    )
+    before = data.read_bytes()
+    assert main(["node", verb, str(tmp_path)]) == 5
+    told = capsys.readouterr()
+    assert told.err == "" and "the tree: " in told.out and "cannot be mended: see to the disk, then wipe the folder" in told.out
+    assert names(tmp_path) == ["data.mdb"] and data.read_bytes() == before
+    assert main(["node", verb, str(tmp_path), "--json"]) == 5
+    document = json.loads(capsys.readouterr().out)
+    assert (document["after"] if verb == "repair" else document)["wipe"] >= 1
 
 
 @pytest.mark.parametrize("verb", ["verify", "repair"])

@@ -56,13 +56,23 @@ def test_what_is_owed_to_the_silent_stands_in_the_column_of_what_is_pending() ->
 
 def test_where_only_nodes_are_missing_the_first_line_says_so() -> None:
     text = health_text(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**FEW))))
-    assert text.splitlines()[0] == "studio: degraded, 1 of 3 copies: 120 records, 100 of them in spaces with copies; nothing else is wrong"
+    few = "in spaces with 3 copies only 1 of them"
+    assert text.splitlines()[0] == f"studio: degraded, {few}: 120 records, 100 of them in spaces with copies; nothing else is wrong"
     assert text.splitlines()[-1].startswith("  -> add 2 nodes")
     refusing = {"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": ADDRESSES[0]}]}
     first = health_text(health(*nodes(copies(**refusing)))).splitlines()[0]
     assert first.endswith("; writes are refused where they need more"), "that is no small thing"
     silent = health_text(health(node(ADDRESSES[0], arc(0, 0.5), copies=copies(**FEW)), missing(ADDRESSES[2], arc(0.5, 1))))
     assert "nothing else" not in silent.splitlines()[0]
+
+
+def test_spaces_that_ask_for_different_numbers_of_copies_are_told_apart() -> None:
+    row = {"records": 50, "under_copied": 0, "missing_max": 0, "forbidden": 0}
+    told = [{**row, "copies": 2}, {**row, "copies": 5, "under_copied": 40, "missing_max": 2}]
+    lines = health_text(health(*nodes(copies(by_copies=told)))).splitlines()
+    begin = next(index for index, line in enumerate(lines) if "copies asked for" in line)
+    assert [line.split() for line in lines[begin + 1 : begin + 3]] == [["2", "50", "0", "0"], ["5", "50", "40", "2"]]
+    assert "copies asked for" not in health_text(health(*nodes(copies(by_copies=told[:1])))), "nothing to be told apart"
 
 
 def test_the_first_line_goes_by_what_was_read() -> None:
@@ -98,6 +108,18 @@ def test_a_proof_says_what_it_read_and_names_what_is_wrong_with_addresses() -> N
     for _ in range(30):
         proof.add(finding(Verdict.SILENT, Verdict.SILENT, Verdict.SILENT))
     assert (len(proof.named), proof.lost) == (20, 30) and proof_text(proof).endswith("\nand more")
+
+
+def test_copies_that_lie_elsewhere_are_not_hidden() -> None:
+    proof = Proof(("kitchen",), ended=True)
+    proof.add(finding(Verdict.VALID, Verdict.ELSEWHERE, Verdict.NOTHING, Verdict.ELSEWHERE))
+    lines = proof_text(proof).splitlines()
+    assert lines[1] == "  1 with 1 valid of 3 copies in place, in 2 failure domains; 2 more of each lie elsewhere"
+    assert lines[2] == "Records short of copies: 1, with further copies elsewhere: 1."
+    assert lines[3].startswith("Copies that lie elsewhere are brought home")
+    assert "short: 1 of 3 valid in place, 2 more copies lie elsewhere on 127.0.0.3, 127.0.0.5 (" in lines[4]
+    document = proof.document()
+    assert (document["elsewhere"], document["copies"][0]["elsewhere"], document["lost"]) == (1, 2, 0)
 
 
 def test_an_interrupted_proof_proves_nothing_of_the_rest() -> None:

@@ -54,7 +54,7 @@ def test_numbers_below_0_may_be_given(arguments: list[str], monkeypatch: pytest.
         asked.append((profile, scene, work))
         raise RuntimeError("far enough")
 
-    monkeypatch.setattr(space, "_in_scene", stop)
+    monkeypatch.setattr(space, "_in_cluster", stop)
     assert main(["space", *arguments, "--scene", "kitchen", "--profile", "studio"]) == 1
     assert "far enough" in capsys.readouterr().err
     assert asked[0][:2] == ("studio", "kitchen")

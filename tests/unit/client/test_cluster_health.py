@@ -183,7 +183,7 @@ def test_a_cluster_of_one_node_hears_once_how_many_nodes_to_add() -> None:
     (ailment,) = found.ailments
     assert (
         ailment.text
-        == "only 1 of 3 copies of each record can be there: the cluster has one node, and what lies on its disk is lost with it"
+        == "in spaces with 3 copies only 1 of them can be there: the cluster has one node, and what lies on its disk is lost with it"
     )
     assert ailment.to_do.startswith("add 2 nodes, and the copies are made: scenectl cluster invite")
     assert (found.shortage is not None and found.shortage.missing, found.seconds_to_health) == (2, None)
@@ -215,7 +215,7 @@ def test_the_status_tells_of_too_few_nodes_and_is_degraded_only_if_writes_are_re
     assert kinds(health(node(ADDRESSES[0], arc(0, 1), copies=copies(**refusing)))) == ["too few nodes"], "once"
 
 
-def test_a_blacklist_that_forbids_too_much_is_told_once_at_its_worst() -> None:
+def test_a_blacklist_that_forbids_too_much_is_told_once() -> None:
     """Spaces may have different numbers of copies; what there is to do about it is one thing."""
     shortages = [
         {"copies": copies, "needed": needed, "possible": 1, "blacklist_of": ADDRESSES[0]} for copies, needed in ((3, 2), (5, 1), (2, 2))
@@ -223,9 +223,116 @@ def test_a_blacklist_that_forbids_too_much_is_told_once_at_its_worst() -> None:
     found = health(*nodes(copies(shortages=shortages)))
     assert kinds(found) == ["too few nodes"]
     assert (
-        found.ailments[0].text.startswith("only 1 of 3 copies")
+        found.ailments[0].text.startswith(f"of what {ADDRESSES[0]} owns, in spaces with 2, 3 or 5 copies only 1 of them can be there")
         and "writes are refused in spaces that need more than 1" in found.ailments[0].text
     )
+
+
+FORBIDDING = {
+    "shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": ADDRESSES[0]}],
+    "forbidden": {"segments": 2, "records": 9, "nodes": list(ADDRESSES[1:])},
+    "by_copies": [{"copies": 3, "records": 9, "under_copied": 0, "missing_max": 0, "forbidden": 9}],
+}
+
+
+def forbidding(*prefixes: str, **changes: Any) -> list[NodeState]:
+    """Nodes, of which the first has these on its blacklist."""
+    first, *others = nodes(copies(**FORBIDDING, **changes))
+    return [replace(first, blacklist=prefixes), *others]
+
+
+def waits(found: ClusterHealth) -> list[str]:
+    """What is said to come by itself."""
+    return [ailment.kind for ailment in found.ailments if ailment.mends_itself or ailment.to_do.startswith("wait")]
+
+
+def test_the_entry_that_forbids_all_holders_is_named_with_how_to_take_it_off() -> None:
+    found = health(*forbidding("10.0.0.0/8", "127.0.0.0/8"))
+    few, forbidden = found.ailments
+    assert f"127.0.0.0/8 on its blacklist forbids {', '.join(ADDRESSES[1:])}, and writes are refused" in few.text
+    assert "10.0.0.0/8" not in few.text + few.to_do, "it forbids no node of the cluster"
+    assert f"scenectl node blacklist rm 127.0.0.0/8 --node {ADDRESSES[0]}; or add 2 nodes that it allows" in few.to_do
+    assert forbidden.kind == "forbidden" and "nobody may take their place" in forbidden.text and waits(found) == []
+    assert found.seconds_to_health is None
+
+
+def test_where_the_entry_covers_every_address_nobody_is_sent_to_add_nodes() -> None:
+    few, _ = health(*forbidding("0.0.0.0/0")).ailments
+    assert f"blacklist rm 0.0.0.0/0 --node {ADDRESSES[0]} (no node that is added would be allowed)" in few.to_do
+    assert "add 2 nodes" not in few.to_do
+
+
+def test_forbidden_copies_that_others_may_take_over_go_by_waiting_whatever_another_space_lacks() -> None:
+    """A space with 5 copies has too few nodes; that keeps no copy of one with 3 where it lies."""
+    row = {"records": 9, "under_copied": 0, "missing_max": 0, "forbidden": 0}
+    told = {"by_copies": [{**row, "copies": 3, "forbidden": 9}, {**row, "copies": 5, "under_copied": 9, "missing_max": 1}]}
+    few = {"shortages": [{"copies": 5, "needed": 2, "possible": 4, "blacklist_of": ADDRESSES[0]}]}
+    found = health(*nodes(copies(**FORBIDDING | told | few)))
+    assert kinds(found) == ["too few nodes", "forbidden"] and waits(found) == ["forbidden"]
+
+
+def test_strays_and_the_unsettled_are_not_said_to_come_home_where_too_few_may_hold_them() -> None:
+    unsettled = {"unsettled": {"records": 3, "pieces": 0, "read": True}}
+    first, second, third = forbidding("127.0.0.0/8", **unsettled)
+    bringing = node(second.address, second.arc, copies=copies(), strays=2)
+    found = health(first, bringing, third)
+    assert {"strays", "unsettled"} <= set(kinds(found)) and waits(found) == []
+    assert all(ADDRESSES[0] in ailment.to_do for ailment in found.ailments if ailment.kind in ("strays", "unsettled"))
+
+
+def test_the_most_demanding_space_of_a_layout_says_whether_writes_are_refused() -> None:
+    """Spaces with as many copies may need different numbers of nodes for a write."""
+    shortage = {"copies": 3, "needed": 1, "needed_most": 2, "possible": 1, "blacklist_of": ADDRESSES[0]}
+    found = health(*nodes(copies(shortages=[shortage])))
+    assert "writes are refused in spaces that need more than 1" in found.ailments[0].text
+
+
+def test_what_one_space_lacks_is_not_explained_by_what_another_one_may_not_have() -> None:
+    """Two copies fewer for want of nodes where 5 are asked for; one fewer where 2 are, and these could be there."""
+    few = {"shortages": [{"copies": 5, "needed": 2, "possible": 3, "blacklist_of": None}]}
+    rows = [
+        {"copies": 2, "records": 30, "under_copied": 10, "missing_max": 1, "forbidden": 0},
+        {"copies": 5, "records": 20, "under_copied": 20, "missing_max": 2, "forbidden": 0},
+    ]
+    lacking = {"under_copied": {"segments": 2, "missing_max": 2, "records": 30}, "by_copies": rows}
+    found = health(*nodes(copies(**few, **lacking)))
+    assert kinds(found) == ["too few nodes", "under-copied"]
+    few_nodes, lacks = found.ailments
+    assert few_nodes.text.startswith("in spaces with 5 copies only 3 of them can be there: the cluster has 3 nodes")
+    assert "10 of 30 records in spaces with 2 copies lie on fewer nodes than they should, up to 1 copy fewer" in lacks.text
+    assert lacks.mends_itself and lacks.to_do.startswith("wait")
+    assert found.document()["by_copies"] == rows
+    assert found.document()["nodes"][0]["copies"]["by_copies"] == rows
+
+
+def test_where_nobody_has_room_for_what_is_missing_nobody_is_told_to_wait() -> None:
+    row = {"copies": 3, "records": 30, "under_copied": 30, "missing_max": 1, "forbidden": 0}
+    lacking = {"under_copied": {"segments": 1, "missing_max": 1, "records": 30}, "by_copies": [row]}
+    full = health(*nodes(copies(**lacking, full=[ADDRESSES[1]])))
+    assert waits(full) == [] and ADDRESSES[1] in full.ailments[0].to_do and "--capacity" in full.ailments[0].to_do
+    fourth = node("127.0.0.5", arc(0.9, 1), copies=copies())
+    with_room = health(*nodes(copies(**lacking, full=[ADDRESSES[1]]))[:2], node(ADDRESSES[2], arc(0.5, 0.9), copies=copies()), fourth)
+    assert waits(with_room) == ["under-copied"], "another one takes them"
+
+
+def test_nobody_is_told_to_wait_until_a_node_is_removed_that_never_is() -> None:
+    """Who decides the cluster's log is never removed; and where more than half are away nobody is."""
+    first, second, third = nodes(copies(**LACKING))
+    voter = replace(first, report=None, is_voter=True)
+    away = health(voter, node(second.address, second.arc, copies=copies(**LACKING)), third)
+    assert {"missing", "under-copied"} <= set(kinds(away))
+    assert not any("wait" in ailment.to_do for ailment in away.ailments)
+    most = health(first, missing(ADDRESSES[1], second.arc), missing(ADDRESSES[2], third.arc))
+    assert not any("wait" in ailment.to_do for ailment in most.ailments)
+    one = health(replace(first, is_voter=True), second, missing(ADDRESSES[2], third.arc))
+    assert all("wait until" in ailment.to_do for ailment in one.ailments), "else this test says nothing"
+
+
+def test_nodes_that_own_nothing_yet_are_told_of_where_copies_fail_for_want_of_nodes() -> None:
+    short = {"shortages": [{"copies": 3, "needed": 2, "possible": 2, "blacklist_of": None}]}
+    first, second, _ = nodes(copies(**short))
+    found = health(first, node(second.address, arc(0.25, 1), copies=copies()), node(ADDRESSES[2], None, copies=copies()))
+    assert f"the cluster has 2 nodes that own a part of the line; {ADDRESSES[2]} owns none" in found.ailments[0].text
 
 
 def test_what_has_rotted_degrades_until_it_is_healed() -> None:

@@ -8,7 +8,7 @@ import pytest
 import trio
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, Refused, Unreachable
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import KeyId, NodeId, address_of, node_id_of
 from scenefold.base.limits import CLIENT_HEDGE_S, CLIENT_HEDGE_S_MIN, CLIENT_REQUEST_S, CLIENT_STATUS_S
 from scenefold.base.location import LINE_LENGTH, Arc, Location
@@ -378,46 +378,6 @@ async def test_what_has_rotted_at_its_owner_is_read_from_holders(autojump_clock:
     with pytest.raises(Refused) as refusal:
         await scene.space(FILES).get(PLACES[3])
     assert refusal.value.reason is RejectReason.NOT_READY, "and if they are away, it is said to be damaged"
-
-
-async def test_any_copy_is_what_anybody_has(autojump_clock: MockClock) -> None:
-    nodes = HoldingNodes()
-    scene = await kept_scene(nodes)
-    missing = Location.from_number(PLACES[3].number + 1)
-    nodes.without_lease |= set(nodes.addresses)
-    nodes.away |= set(nodes.addresses[:2])
-    with trio.fail_after(1):
-        payloads = await scene.space(FILES).get_many([*PLACES, missing], any_copy=True)
-    assert payloads == [*(payload for _, payload in ITEMS), None]
-
-
-async def test_any_copy_is_never_older_than_what_was_met(autojump_clock: MockClock) -> None:
-    nodes = HoldingNodes()
-    scene = await kept_scene(nodes)
-    owner, behind, other = nodes.addresses[1], nodes.addresses[0], nodes.addresses[2]
-    (place, *_) = owned_by(nodes, owner)
-    await scene.space(FILES).put(place, b"newer")
-    nodes.away |= {owner, other}
-    with pytest.raises((Refused, Unreachable)):
-        await scene.space(FILES).get(place, any_copy=True)
-    nodes.away.remove(other)
-    nodes.kept[other] = {where: RecordBytes(item.signature, item.header, item.ciphertext) for (_, where), item in nodes.records.items()}
-    assert await scene.space(FILES).get(place, any_copy=True) == b"newer"
-    stranger = _scene(nodes).space(FILES)
-    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
-    nodes.away.add(other)
-    assert await stranger.get(place, any_copy=True) not in (None, b"newer"), f"who has met nothing takes what {behind} has"
-
-
-async def test_any_copy_goes_on_to_the_next_where_one_is_forged_or_rotten(autojump_clock: MockClock) -> None:
-    nodes = HoldingNodes(rotten={PLACES[3]})
-    scene = await kept_scene(nodes)
-    others = [address for address in nodes.addresses if nodes.table.owner_of(PLACES[3]).address != address]
-    nodes.kept[others[0]][PLACES[3]] = replace(nodes.kept[others[0]][PLACES[3]], ciphertext=bytes(64))
-    assert await scene.space(FILES).get(PLACES[3], any_copy=True) == ITEMS[3][1]
-    nodes.away.add(others[1])
-    with pytest.raises((DamagedData, Refused, Unreachable)):
-        await scene.space(FILES).get(PLACES[3], any_copy=True)
 
 
 async def test_an_owner_that_is_always_slow_is_not_what_is_usual_and_soon_not_waited_for(autojump_clock: MockClock) -> None:

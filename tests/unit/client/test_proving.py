@@ -13,7 +13,7 @@ from scenefold.base.location import Location
 from scenefold.base.prefixes import AddressPrefix
 from scenefold.client import proving
 from scenefold.client.progress import ProgressState
-from scenefold.client.proof import Proof, Verdict
+from scenefold.client.proof import Proof, Verdict, in_short
 from scenefold.client.proving import Proving
 from scenefold.client.proving_reads import NodeReads
 from scenefold.client.proving_scenes import ShownScene
@@ -23,7 +23,7 @@ from scenefold.client.table import Owner
 from scenefold.client.verifying import WriterKey
 from scenefold.crypto import SigningKey
 from scenefold.scene.log import EpochKeys, Layouts
-from scenefold.wire import GetCopies, Packet, RecordBytes, SpaceEntry, Status
+from scenefold.wire import Configuration, CopiesFound, Copy, CopyState, GetCopies, Member, Packet, RecordBytes, SpaceEntry, Status
 from unit.client.test_copy_reads import LAYOUTS, THIRDS, HoldingNodes, kept_scene
 from unit.client.test_records import FILES, ITEMS, PLACES, WRITER, _scene
 
@@ -35,12 +35,23 @@ FOUR = ("127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5")
 class ProvedNodes(HoldingNodes):
     digests_alone: set[str] = field(default_factory=set)
     """They say the digests of what they should have, and show nothing."""
+    strays: dict[str, dict[Location, RecordBytes]] = field(default_factory=dict)
+    """What nodes have by no right, and hold in custody for nobody."""
     blacklists: dict[str, tuple[AddressPrefix, ...]] = field(default_factory=dict)
 
     def _answer(self, address: str, packet: Packet) -> Packet:
         if isinstance(packet, GetCopies) and address in self.digests_alone:
             packet = replace(packet, digests_only=True)
+        if isinstance(packet, GetCopies) and packet.any_copy and address in self.strays:
+            return self._strays_of(address, packet)
         return super()._answer(address, packet)
+
+    def _strays_of(self, address: str, packet: GetCopies) -> Packet:
+        """As of a node that holds nothing for others."""
+        found = [self.strays[address].get(key.location) for key in packet.keys]
+        alone = Configuration(0, (Member(node_id_of(address), bytes(16)),), 1)
+        copies = [Copy(CopyState.NO_CUSTODY, 0, b"", None) if one is None else Copy(CopyState.RECORD, 0, b"", one) for one in found]
+        return CopiesFound((alone,), tuple(copies))
 
     def _status(self, owner: Owner) -> Status:
         return replace(super()._status(owner), blacklist=self.blacklists.get(owner.address, ()))
@@ -61,7 +72,8 @@ async def proved(nodes: ProvedNodes, shown: ShownScene = SHOWN, *, silent: tuple
 
 
 def all_of(proof: Proof) -> list[tuple[tuple[int, int, int], int]]:
-    return sorted(proof.counts.items())
+    assert all(not elsewhere for *_, elsewhere in proof.counts)
+    return sorted(((wanted, valid, domains), count) for (wanted, valid, domains, _), count in proof.counts.items())
 
 
 def holder_of(nodes: ProvedNodes, place: Location) -> str:
@@ -165,13 +177,57 @@ async def test_a_copy_where_none_belongs_is_mis_placed(autojump_clock: MockClock
     assert finding.document()["problems"] == ["mis-placed"]
 
 
+async def test_copies_that_lie_elsewhere_are_no_copies_in_place_and_are_told(autojump_clock: MockClock) -> None:
+    """Of one record, no holder has custody: one has it as a stray, another one something older, a third what nobody signed."""
+    nodes = ProvedNodes(FOUR)
+    scene = await kept_scene(nodes)
+    place = PLACES[2]
+    owner = nodes.table.owner_of(place).address
+    current, outdated, forger = (address for address in FOUR if address != owner)
+    old = nodes.kept[outdated][place]
+    await scene.space(FILES).put(place, b"newer")
+    newer = nodes.records[FILES, place]
+    new = RecordBytes(newer.signature, newer.header, newer.ciphertext)
+    nodes.strays = {current: {place: new}, outdated: {place: old}, forger: {place: other_bytes(new)}}
+    proof = await proved(nodes)
+    finding = next(finding for finding in proof.named if finding.key == (FILES, place))
+    said = {node_id_of(owner): Verdict.VALID, node_id_of(current): Verdict.ELSEWHERE, node_id_of(outdated): Verdict.OLDER}
+    assert {node: verdict for node, verdict in finding.verdicts.items() if verdict is not Verdict.NOTHING} == said
+    assert (finding.is_short, finding.is_lost, finding.is_corrupt) == (True, False, False)
+    document = finding.document()
+    assert (document["wanted"], document["valid"], document["elsewhere"]) == (3, 1, 1)
+    assert proof.counts[3, 1, 1, 1] == 1 and proof.elsewhere == 1 == proof.document()["elsewhere"]
+    (line,) = [line for line in in_short(proof.named) if place.hex() in line]
+    assert f"short: 1 of 3 valid in place, 1 more copy lies elsewhere on {current} (" in line
+
+
+async def test_a_stray_that_is_newer_makes_nothing_older_and_one_alone_is_not_lost(autojump_clock: MockClock) -> None:
+    """It may be what its owner has refused; and where the owner's has rotted, it is all there is."""
+    nodes = ProvedNodes()
+    scene = await kept_scene(nodes)
+    place, rotten = PLACES[2], PLACES[3]
+    before = nodes.records[FILES, place]
+    await scene.space(FILES).put(place, b"newer")
+    item = nodes.records[FILES, place]
+    nodes.records[FILES, place] = before
+    nodes.rotten.add(rotten)
+    owner = nodes.table.owner_of(place).address
+    kept = nodes.kept[owner][rotten]
+    new = RecordBytes(item.signature, item.header, item.ciphertext)
+    nodes.strays = {address: {place: new, rotten: kept} for address in nodes.addresses}
+    proof = await proved(nodes)
+    found = {finding.key[1]: finding for finding in proof.named}
+    assert found[place].verdicts[node_id_of(owner)] is Verdict.VALID
+    assert not found[rotten].valid and found[rotten].elsewhere and not found[rotten].is_lost and proof.lost == 0
+
+
 async def test_nodes_that_keep_away_from_each_other_are_of_one_failure_domain(autojump_clock: MockClock) -> None:
     nodes = ProvedNodes(FOUR)
     nodes.blacklists["127.0.0.2"] = (AddressPrefix(node_id_of("127.0.0.5"), 32),)
     await kept_scene(nodes)
     proof = await proved(nodes)
     assert proof.short == 0
-    domains = {count for _, _, count in proof.counts}
+    domains = {count for _, _, count, _ in proof.counts}
     assert domains == {2, 3}, "of two others and one of the pair; of one other and the pair"
 
 

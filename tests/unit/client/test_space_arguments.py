@@ -9,7 +9,7 @@ import pytest
 
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.base.ids import SpaceId
-from scenefold.base.location import Location
+from scenefold.base.location import FIRST, Location
 from scenefold.client.new_space import new_space
 from scenefold.client.steps import checked_factor, checked_offset
 from scenefold.scene.log import Affine, LoggedSpace, SceneLog
@@ -31,7 +31,7 @@ HALL = SpaceId(11)
         *[(None, {name: value}) for name in ("copies", "copies_min") for value in (1.5, True, "1", HUGE, [], float("inf"))],
         *[(None, {"space_id": value}) for value in (1.5, True, "1", [])],
         *[(None, {"parent": value}) for value in (1.5, True, [], b"x")],
-        *[(None, {"parent": 3, "offset": value}) for value in (b"x", "x", 3, "x" * 20)],
+        *[(None, {"parent": 3, "offset": value}) for value in (b"x", "x", 3, "x" * 20, FIRST)],
         *[(None, {"curve": value}) for value in ([], 3, b"hilbert", {})],
         *[(None, {name: value}) for name in ("node_managed", "render_output") for value in (1, "no", [])],
     ],

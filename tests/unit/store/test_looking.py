@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import re
@@ -15,7 +16,7 @@ import pytest
 from scenefold.base.errors import LocalFault
 from scenefold.store import LmdbDisk, StoreDamaged, open_store
 from scenefold.store.checking import check_store
-from scenefold.store.folder import LOCK_NAME
+from scenefold.store.folder import LOCK_NAME, FolderLock
 from scenefold.store.layout import RECORDS, STATISTICS, TABLES
 from scenefold.store.lmdb_disk import CUT_BYTES_MAX, DATA_NAME
 from scenefold.store.lmdb_pages import PagesDamaged
@@ -39,11 +40,19 @@ def hashes(folder: Path) -> dict[str, str]:
 async def test_a_look_changes_nothing(tmp_path: Path) -> None:
     await filled(tmp_path)
     before = hashes(tmp_path)
+    (tmp_path / LOCK_NAME).write_text("1234\n")
+    os.utime(tmp_path / LOCK_NAME, ns=(10**18, 10**18))
     with looked_at(tmp_path, TABLES) as view:
         found = check_store(view)
+        assert (tmp_path / LOCK_NAME).read_text() == f"{os.getpid()}\n"
     assert found.is_sound and found.records.records == 20
     assert hashes(tmp_path) == before
-    assert (tmp_path / LOCK_NAME).read_text() == f"{os.getpid()}\n"
+    assert (tmp_path / LOCK_NAME).read_text() == "1234\n", "as its last node left it"
+    assert (tmp_path / LOCK_NAME).stat().st_mtime_ns == 10**18
+    (tmp_path / LOCK_NAME).unlink()
+    with looked_at(tmp_path, TABLES):
+        assert (tmp_path / LOCK_NAME).exists()
+    assert not (tmp_path / LOCK_NAME).exists()
     async with open_store(world(), tmp_path, NODE) as store:
         assert store.identity.boot == 2
 
@@ -55,6 +64,27 @@ async def test_a_folder_that_is_in_use_is_left_alone_and_so_is_one_that_is_looke
     with looked_at(tmp_path, TABLES), pytest.raises(LocalFault, match=f"in use by process {os.getpid()}"):
         LmdbDisk().open(tmp_path, TABLES)
     LmdbDisk().open(tmp_path, TABLES).close()
+
+
+async def test_who_waits_at_a_lock_file_that_is_removed_locks_the_folder_s_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else two processes would each lock a file of that name."""
+    await filled(tmp_path)
+    (tmp_path / LOCK_NAME).unlink()
+    first = FolderLock(tmp_path, only_read=True)
+    lock, opened = fcntl.flock, list[int]()
+
+    def removed_between(file: int, how: int) -> None:
+        opened.append(file)
+        if len(opened) == 1:
+            first.release()
+        lock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", removed_between)
+    second = FolderLock(tmp_path)
+    assert len(opened) == 2, "the first was of a file that is gone"
+    with pytest.raises(LocalFault, match=f"in use by process {os.getpid()}"):
+        FolderLock(tmp_path)
+    second.release()
 
 
 @contextmanager
@@ -94,8 +124,14 @@ async def test_where_no_store_is(tmp_path: Path, what: str) -> None:
         (folder / DATA_NAME).write_bytes(b"")
     if what == "another store":
         LmdbDisk().open(folder, ["of somebody else"]).close()
-    with pytest.raises(LocalFault, match="no store") as fault, looked_at(folder, TABLES):
+    damaged = what in ("a picture", "an empty file")
+    with (
+        pytest.raises(PagesDamaged if damaged else LocalFault, match="is empty" if "empty file" in what else "no store") as fault,
+        looked_at(folder, TABLES),
+    ):
         pass
+    assert isinstance(fault.value, PagesDamaged) == damaged, "what may have been a store is damaged, and no other folder"
+    assert not folder.is_dir() or not (folder / LOCK_NAME).exists() or what == "another store"
     assert str(fault.value.where).startswith(str(folder)) and fault.value.remedy
     if what == "nothing":
         assert not folder.exists()

@@ -67,8 +67,9 @@ def test_a_new_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"a picture, perhaps" * 1000, bytes(100_000)])
-def test_what_is_no_file_of_lmdb_is_left_to_lmdb(tmp_path: Path, data: bytes) -> None:
-    assert problems(tmp_path, data) == []
+def test_what_is_no_file_of_lmdb_is_damage(tmp_path: Path, data: bytes) -> None:
+    (problem,) = problems(tmp_path, data)
+    assert problem.startswith(f"{DATA_NAME} ") and ("no store" in problem if data else "empty" in problem)
 
 
 def in_use(folder: Path, data: bytes) -> int:

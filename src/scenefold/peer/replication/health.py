@@ -6,6 +6,7 @@ whoever watches a cluster asks for reports every second.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any
@@ -48,7 +49,7 @@ class Health:
         self._healing = healing
         self._left = left
         self._lost = lost
-        self._counted: dict[str, int] = {}
+        self._counted: dict[str, Counter[Layout]] = {}
         self._counted_for: tuple[object, ...] = ()
         self._counted_at = float("-inf")
 
@@ -57,7 +58,8 @@ class Health:
         parts, is_alive = self._parts, self._roster.is_believed_alive
         copies, arc, layouts = parts.keeper.copies, parts.keeper.holding.arc, dict(self._placing.layouts)
         standing = standing_of(copies, arc, layouts, self._is_there, parts.own.blacklist.prefixes)
-        counts = await self._counts(standing, arc, layouts)
+        by_layout_counts = await self._counts(standing, arc, layouts)
+        counts = {kind: found.total() for kind, found in by_layout_counts.items()}
         owed = {node: count for node, count in parts.store.owed.items() if count}
         most = sorted(owed, key=lambda node: (is_alive(node), -owed[node]))[:LISTED_MAX]
         return {
@@ -80,6 +82,7 @@ class Health:
                 "nodes": _addresses(standing.forbidden_on),
             },
             "comparing": {"segments": len(standing.comparing), "records": counts["comparing"]},
+            "by_copies": _by_copies(layouts, standing, by_layout_counts),
             "rotten": {
                 "waiting": self._healing.waiting,
                 "unhealed": self._healing.unhealed,
@@ -94,6 +97,7 @@ class Health:
                 {
                     "copies": 1 + len(short.layout),
                     "needed": short.needed,
+                    "needed_most": max(short.needed, short.most),
                     "possible": short.possible,
                     "blacklist_of": None if short.whose is None else address_of(short.whose),
                 }
@@ -111,7 +115,7 @@ class Health:
     def _is_there(self, member: Member) -> bool:
         return self._roster.is_believed_alive(member.node) and not self._parts.keeper.is_removed(member)
 
-    async def _counts(self, standing: Standing, arc: Arc | None, layouts: Mapping[Layout, int]) -> Mapping[str, int]:
+    async def _counts(self, standing: Standing, arc: Arc | None, layouts: Mapping[Layout, int]) -> Mapping[str, Counter[Layout]]:
         store, now = self._parts.store, self._parts.world.clock.now()
         about: tuple[object, ...] = (store.commits, standing, arc, layouts)
         if about == self._counted_for:
@@ -132,19 +136,31 @@ class Health:
         self._counted, self._counted_for, self._counted_at = counts, about, now
         return counts
 
-    async def _records(self, arcs: Mapping[Layout, list[Arc]]) -> int:
-        """In all spaces of these layouts."""
+    async def _records(self, arcs: Mapping[Layout, list[Arc]]) -> Counter[Layout]:
+        """In all spaces of these layouts, by layout."""
+        found = Counter[Layout]()
         if not any(arcs.values()):
-            return 0
+            return found
         layout_of = {
             (scene.public.scene, space): layout for scene in self._parts.scenes.everyone() for space, layout in scene.layouts.items()
         }
-        found = 0
         for scene, space in await self._parts.store.spaces():
-            wanted = _few(arcs.get(layout_of.get((scene, space), ()), []))
+            layout = layout_of.get((scene, space), ())
+            wanted = _few(arcs.get(layout, []))
             if wanted:
-                found += sum(total.records for total in await self._parts.store.sums(scene, space, wanted))
+                found[layout] += sum(total.records for total in await self._parts.store.sums(scene, space, wanted))
         return found
+
+
+def _by_copies(layouts: Iterable[Layout], standing: Standing, counts: Mapping[str, Counter[Layout]]) -> list[dict[str, int]]:
+    """What spaces of each number of copies ask for, and lack: what is too little for one may be all that another one shall have."""
+    found = []
+    for number in sorted({1 + len(layout) for layout in layouts if layout}):
+        of = {kind: sum(count for layout, count in known.items() if 1 + len(layout) == number) for kind, known in counts.items()}
+        missing = max((one.missing for one in standing.lacking if 1 + len(one.layout) == number), default=0)
+        row = {"copies": number, "records": of["copied"], "under_copied": of["lacking"], "missing_max": missing}
+        found.append({**row, "forbidden": of["forbidden"]})
+    return found
 
 
 def _few(arcs: Sequence[Arc]) -> Sequence[Arc]:

@@ -2,7 +2,7 @@
 
 What a holder says counts only together with what others say under the same configuration. So it names that configuration, and
 answers only while it has its entry, whole, and its own lease: both are looked at when the records have been read. Who is asked for digests
-of what it owns answers for that alone (owner_versions.py).
+of what it owns answers for that alone (owner_versions.py). A stray is shown under a configuration of this node alone, which counts for nobody.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from scenefold.crypto import Record, RecordPlace, wanted_place
 from scenefold.peer.copies.entries import Entry
 from scenefold.peer.handlers import Handlers
 from scenefold.peer.line.parts import Parts
+from scenefold.peer.line.rightful import rightful
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.replication.owner_versions import OwnerVersions
 from scenefold.store import Spot, version_of
@@ -60,8 +61,11 @@ class HoldingReads:
         held = [spot for spot, entry in zip(spots, before, strict=True) if entry is not None]
         records = iter(await self._found(held, digests_only=packet.digests_only))
         own: Mapping[Spot, _Found] = {}
-        if packet.digests_only and not packet.any_copy and len(held) < len(spots):
-            own = await self._owner.told([spot for spot, entry in zip(spots, before, strict=True) if entry is None])
+        rest = [spot for spot, entry in zip(spots, before, strict=True) if entry is None]
+        if rest and packet.digests_only and not packet.any_copy:
+            own = await self._owner.told(rest)
+        elif rest and packet.any_copy and not packet.digests_only:
+            own = await self._strays([spot for spot in rest if known.layouts.get(spot.place.space)])
         me = Configuration(0, (self._parts.own.member,), 1)
         for key, spot, entry in zip(keys, spots, before, strict=True):
             found = None if entry is None else next(records)
@@ -80,6 +84,13 @@ class HoldingReads:
         headers = await store.record_headers(spots)
         others = iter(await store.read([spot for spot, header in zip(spots, headers, strict=True) if header is None]))
         return [next(others) if header is None else header for header in headers]
+
+    async def _strays(self, spots: Sequence[Spot]) -> Mapping[Spot, _Found]:
+        """Those that lie here sound, and by no right. Of what does not, a stray says nothing."""
+        now = await rightful(self._parts)
+        strays = [spot for spot in spots if now.is_stray((spot.place.scene, spot.place.space), spot.home)]
+        found = await self._found(strays, digests_only=False)
+        return {spot: record for spot, record in zip(strays, found, strict=True) if isinstance(record, Record)}
 
     def _entry(self, layout: Layout | None, home: Location, *, any_copy: bool) -> Entry | None:
         """Under which entry this node may answer for a place."""

@@ -42,6 +42,8 @@ class Shortage:
     possible: int
     whose: NodeId | None
     """Whose blacklist forbids others; None: there are no others."""
+    most: int = 0
+    """What the most demanding space of the layout needs for a write; `needed` is what the least demanding one does."""
 
     @property
     def forbids_writes(self) -> bool:
@@ -107,7 +109,7 @@ def shortage_of(
     possible = 1 + min(len(layout), max(len(allowed) - waiting, min(most - 1, len(allowed))))
     if possible > len(layout):
         return None
-    return Shortage(layout, needed, possible, me if len(takable) > len(allowed) else None)
+    return Shortage(layout, needed, possible, me if len(takable) > len(allowed) else None, max(needed, most))
 
 
 def lasting(before: Sequence[Wish], pieces: Iterable[Piece], needed: int, now: float) -> list[Wish]:

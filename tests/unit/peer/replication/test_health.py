@@ -100,6 +100,7 @@ def test_a_node_that_has_come_back_empty_is_no_copy_though_it_answers() -> None:
         row.owner.roster.is_believed_alive = lambda _node: True
         document = await told(row)
         assert document["under_copied"] == {"segments": 1, "missing_max": 1, "records": 20}
+        assert document["by_copies"] == [{"copies": 3, "records": 20, "under_copied": 20, "missing_max": 1, "forbidden": 0}]
 
     in_a_row(story)
 
@@ -108,12 +109,14 @@ def test_what_a_blacklist_forbids_and_too_few_nodes_are_told() -> None:
     async def story(row: Row) -> None:
         await row.hold(1, 2)
         await written(row, 4)
-        row.owner.replication.placing.shortages = {THIRDS: Shortage(THIRDS, 2, 2, row.owner.node)}
+        row.owner.replication.placing.shortages = {THIRDS: Shortage(THIRDS, 2, 2, row.owner.node, most=3)}
         assert row.owner.own is not None
         row.owner.own.blacklist = Blacklist(1, (AddressPrefix(row.homes[2].node, 32),))
         document = await told(row)
         assert document["forbidden"] == {"segments": 1, "records": 4, "nodes": [row.homes[2].address]}
-        assert document["shortages"] == [{"copies": 3, "needed": 2, "possible": 2, "blacklist_of": row.owner.address}]
+        assert document["shortages"] == [{"copies": 3, "needed": 2, "needed_most": 3, "possible": 2, "blacklist_of": row.owner.address}]
+        (of,) = document["by_copies"]
+        assert (of["copies"], of["records"], of["forbidden"]) == (3, 4, 4)
 
     in_a_row(story)
 

@@ -17,6 +17,7 @@ from scenefold.peer.replication import holding_reads, holding_records
 from scenefold.store import Put, version_of
 from scenefold.wire import (
     CompareRange,
+    Configuration,
     CopiesFound,
     Copy,
     CopyState,
@@ -197,6 +198,25 @@ def test_without_a_lease_or_a_whole_copy_only_who_takes_any_copy_is_answered() -
         assert [copy.state for copy in any_of.copies] == [CopyState.RECORD, CopyState.NOTHING]
         part = await copies(filled, key(there), key(absent), any_copy=True)
         assert [copy.state for copy in part.copies] == [CopyState.RECORD, CopyState.NO_CUSTODY], "it cannot say what there is not"
+
+    play(story)
+
+
+def test_a_stray_is_shown_to_who_takes_any_copy_and_counts_for_nobody() -> None:
+    async def story(terrace: Terrace) -> None:
+        owner, bystander = terrace.homes[0], terrace.homes[1]
+        there, absent = some_places(owner, 2)
+        record = record_at(there)
+        await bystander.store.merge([Put(record)])
+        await owner.store.merge([Put(record)])
+        for asked in ({}, {"digests_only": True}, {"digests_only": True, "any_copy": True}):
+            found = await copies(bystander, key(there), key(absent), **asked)
+            assert (found.holders, {copy.state for copy in found.copies}) == ((), {CopyState.NO_CUSTODY}), asked
+        shown = await copies(bystander, key(there), key(absent), any_copy=True)
+        assert shown.holders == (Configuration(0, (bystander.member,), 1),)
+        assert shown.copies == (Copy(CopyState.RECORD, 0, b"", bytes_of(record)), Copy(CopyState.NO_CUSTODY, 0, b"", None))
+        own = await copies(owner, key(there), any_copy=True)
+        assert [copy.state for copy in own.copies] == [CopyState.NO_CUSTODY], "what it owns is no stray"
 
     play(story)
 
