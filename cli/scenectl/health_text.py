@@ -70,7 +70,8 @@ def _summary(found: ClusterHealth, proof: Proof | None) -> str:
     short, degrading = found.shortage, {ailment.kind for ailment in found.ailments if ailment.degrades}
     if short is not None and degrading == {"too few nodes"}:
         rest = "writes are refused where they need more" if short.forbids_writes else "nothing else is wrong"
-        return f"{found.status.name}: degraded, {short.brief}: {counted}; {rest}"
+        whose = f"of what {short.address} owns, " if short.address else ""
+        return f"{found.status.name}: degraded, {whose}{short.brief}: {counted}; {rest}"
     if degrading == {"lost"}:
         return f"{found.status.name}: degraded: {counted}; others may be lost"
     seconds = found.seconds_to_health

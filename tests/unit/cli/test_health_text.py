@@ -62,6 +62,7 @@ def test_where_only_nodes_are_missing_the_first_line_says_so() -> None:
     refusing = {"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": ADDRESSES[0]}]}
     first = health_text(health(*nodes(copies(**refusing)))).splitlines()[0]
     assert first.endswith("; writes are refused where they need more"), "that is no small thing"
+    assert first.startswith(f"studio: degraded, of what {ADDRESSES[0]} owns, in spaces with 3 copies only 1 of them: ")
     silent = health_text(health(node(ADDRESSES[0], arc(0, 0.5), copies=copies(**FEW)), missing(ADDRESSES[2], arc(0.5, 1))))
     assert "nothing else" not in silent.splitlines()[0]
 
