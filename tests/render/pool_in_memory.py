@@ -76,6 +76,8 @@ class MemoryHost:
         self.world = pool.world
         self.handlers: dict[type[Packet], tuple[Callable[[Any, str], Awaitable[Packet | None]], bool]] = {}
         self.away = False
+        """Nobody reaches it; it reaches everybody."""
+        self.life = trio.CancelScope()
         self.sealing = SealingKey.generate()
         self.keys: list[EpochKeys] = []
         """That it could open."""
@@ -106,6 +108,11 @@ class MemoryHost:
     def record_count(self) -> int:
         return len(self._pool.records)
 
+    async def run(self, *, task_status: trio.TaskStatus[None]) -> None:
+        """Serve until it dies."""
+        with self.life:
+            await RenderService(self).run(task_status=task_status)
+
 
 class MemoryPool:
     """Nodes 127.0.0.2 and up; `ask` speaks to them as a user."""
@@ -116,6 +123,7 @@ class MemoryPool:
         self.hosts = {node: MemoryHost(self, node) for node in self.nodes}
         self.delivered: dict[NodeId, list[bytes]] = {node: [] for node in self.nodes}
         """What each node was told, by whomever."""
+        self.nursery: trio.Nursery
         self.complaints: list[ScenefoldError] = []
         """Of packets without an answer."""
 
@@ -137,6 +145,18 @@ class MemoryPool:
             await self.deliver(peer, node, packet)
         except (Refused, PeerFault) as error:
             self.complaints.append(error)
+
+    def kill(self, node: NodeId) -> None:
+        """Its process dies."""
+        self.hosts[node].away = True
+        self.hosts[node].life.cancel()
+
+    async def restart(self, node: NodeId) -> None:
+        """A new process at the address of one that died."""
+        sealing = self.hosts[node].sealing
+        self.hosts[node] = MemoryHost(self, node)
+        self.hosts[node].sealing = sealing
+        await self.nursery.start(self.hosts[node].run)
 
     async def ask(self, node: NodeId, packet: Packet) -> Any:
         return await self.deliver(USER, node, packet)
@@ -195,8 +215,9 @@ async def memory_pool(world: World, records: Records, count: int) -> AsyncIterat
     """A pool whose services run inside the block."""
     pool = MemoryPool(world, records, count)
     async with trio.open_nursery() as nursery:
+        pool.nursery = nursery
         for host in pool.hosts.values():
-            await nursery.start(lambda host=host, **status: RenderService(host).run(**status))
+            await nursery.start(host.run)
         yield pool
         nursery.cancel_scope.cancel()
 

@@ -14,6 +14,7 @@ from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.render.in_memory import RecordsInMemory, one_node_job
 from scenefold.render.job import RenderOptions
+from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import load_share, read_tables
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
@@ -73,13 +74,11 @@ async def test_rays_are_counted_alike_on_both_sides(room: Records) -> None:
     assert sum(node["rays_sent"] for node in nodes) == sum(node["rays_received"] for node in nodes)  # type: ignore[attr-defined]
 
 
-async def test_a_lost_node_fails_the_job_with_its_address(room: Records) -> None:
-    long = RenderOptions(width=320, height=240, samples=512)
+async def test_a_node_that_is_away_before_anything_is_traced_fails_the_job_with_its_address(room: Records) -> None:
     async with memory_pool(offline_world(), room, 3) as pool:
-        owner = await pool.start(21, long)
-        await pool.until(21, owner, "rendering")
-        lost = next(node for node in pool.nodes if node != owner)
+        lost = next(node for node in pool.nodes if node != organiser_of(21, pool.nodes))
         pool.hosts[lost].away = True
+        owner = await pool.start(21, SMALL)
         state = await pool.until(21, owner, "failed")
         assert f"127.0.0.{lost & 255}" in state["failure"]
 
@@ -223,11 +222,11 @@ async def test_a_chosen_node_that_has_left_is_passed_over(room: Records) -> None
         JobState(job=86),
         CancelJob(job=86),
         CollectPass(job=86, pass_index=0, attempt=0),
-        MergeFilm(job=86),
-        FilmPart(job=86, part_index=0, part_count=1, payload=b""),
+        MergeFilm(job=86, gathering=1),
+        FilmPart(job=86, gathering=1, part_index=0, part_count=1, payload=b""),
         JobEvent(job=86, document=pack_value({"go": True})),
         PassCounts(job=86, pass_index=0, attempt=0, created=1, retired=1, sent=0, received=0, link_sequence=1),
-        AcknowledgeRays(job=86, all_until=0, selective=b""),
+        AcknowledgeRays(job=86, attempt=0, all_until=0, selective=b""),
         SendRays(job=86, frame=0, pass_index=0, attempt=0, partition_epoch=1, link_sequence=1, render_location=(), count=0, rays=b""),
     ],
     ids=lambda packet: type(packet).__name__,

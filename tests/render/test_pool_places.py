@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -225,6 +226,11 @@ async def test_an_organiser_speaks_to_all_before_it_says_go(monkeypatch: pytest.
             assert JobState in told[: told.index(JobEvent)]
 
 
+def _closed(number: object) -> JobEvent:
+    document: Any = {"closed": number, "attempt": 0, "link_sequence": 1}
+    return JobEvent(job=1, document=pack_value(document))
+
+
 async def test_that_a_pass_is_closed_says_its_owner_and_nobody_else() -> None:
     """Whoever forgets a pass too early has lost what its rays brought, and the image is another."""
     async with memory_pool(offline_world(), records_of(sample_scene_path()), 3) as pool:
@@ -234,11 +240,10 @@ async def test_that_a_pass_is_closed_says_its_owner_and_nobody_else() -> None:
         for number in range(plan.count):
             closes = pool.nodes[pass_owner(plan, number, len(pool.nodes))]
             liar, other = (node for node in pool.nodes if node != closes)
-            event = JobEvent(job=1, document=pack_value({"closed": number, "link_sequence": 1}))
             with pytest.raises(Refused, match="closed by another node") as caught:
-                await pool.deliver(f"node:{liar}", other, event)
+                await pool.deliver(f"node:{liar}", other, _closed(number))
             assert caught.value.reason is RejectReason.NOT_AUTHORISED
         for nonsense in (plan.count, -1, True, "1", None):
             with pytest.raises(PeerFault, match="no such pass"):
-                await pool.deliver(f"node:{owner}", owner, JobEvent(job=1, document=pack_value({"closed": nonsense, "link_sequence": 1})))
+                await pool.deliver(f"node:{owner}", owner, _closed(nonsense))
         await pool.ask(owner, CancelJob(job=1))

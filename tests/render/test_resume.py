@@ -50,7 +50,7 @@ async def send(pool: MemoryPool, job: int, owner: NodeId, film: bytes, piece: in
     count = -(-len(film) // piece)
     for index in range(count):
         part = film[index * piece : (index + 1) * piece]
-        answer = await pool.ask(owner, FilmPart(job=job, part_index=index, part_count=count, payload=part))
+        answer = await pool.ask(owner, FilmPart(job=job, gathering=0, part_index=index, part_count=count, payload=part))
         assert isinstance(answer, JobAnswer) and not answer.reason
 
 
@@ -114,7 +114,7 @@ async def test_pieces_that_do_not_fit_are_refused(room: Records) -> None:
         owner = await pool.start(13, OPTIONS, keep=keep)
         for index, payload in ((1, b"12"), (0, b""), (0, film + b"1")):
             with pytest.raises(PeerFault):
-                await pool.ask(owner, FilmPart(job=13, part_index=index, part_count=5, payload=payload))
+                await pool.ask(owner, FilmPart(job=13, gathering=0, part_index=index, part_count=5, payload=payload))
         with pytest.raises(Refused, match="kept no longer"):
             await pool.ask(owner, FetchFilm(job=13, passes=3, offset=0))
         await pool.ask(owner, CancelJob(job=13))

@@ -40,6 +40,7 @@ from scenefold.wire import (
     MergeFilm,
     Packet,
     PassCounts,
+    PassSums,
     RecordBytes,
     RecordKey,
     SceneMode,
@@ -61,7 +62,7 @@ READS_AT_A_TIME = 3
 
 
 ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart)
-ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, PassCounts, CollectPass, MergeFilm)
+ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, PassCounts, CollectPass, PassSums, MergeFilm)
 
 
 class RenderExtension:

@@ -261,7 +261,7 @@ class _Watch:
         count = -(-len(film) // PIECE_BYTES)
         for index in range(count):
             payload = film[index * PIECE_BYTES : (index + 1) * PIECE_BYTES]
-            answer = await self._ask(FilmPart(job=self._job, part_index=index, part_count=count, payload=payload), JobAnswer)
+            answer = await self._ask(FilmPart(job=self._job, gathering=0, part_index=index, part_count=count, payload=payload), JobAnswer)
             if answer.reason:
                 raise error_of(answer.reason, answer.text, where=self._address)
 

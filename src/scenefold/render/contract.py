@@ -102,8 +102,8 @@ class OpenScene(Protocol):
 class MovableScene(OpenScene, Protocol):
     """An open scene that answers for another cell, all of which it holds already, without being opened anew. No renderer needs to."""
 
-    def tracers_in(self, partition: Partition, count: int) -> list[Tracer]:
-        """As many tracers as there are threads, in this node's cell of another partition."""
+    def tracers_in(self, partition: Partition, me: int, count: int) -> list[Tracer]:
+        """As many tracers as there are threads, in node `me`'s cell of another partition: its index there may be another."""
         ...
 
 

@@ -22,6 +22,7 @@ from scenefold.render.pass_sums import PassSums
 from scenefold.render.sum_columns import ALL_AOVS, PLAIN, SumColumns
 
 PART_BYTES = FRAME_BYTES_MAX // 2
+U64 = npt.NDArray[np.uint64]
 GoesOn = npt.NDArray[np.uint8]
 """Rows, 1 for each whose pixel goes on; empty: all of them do."""
 EVERY_ROW: GoesOn = np.zeros(0, np.uint8)
@@ -46,24 +47,39 @@ class Film:
 
     def parts(self) -> Iterator[bytes]:
         """The film as byte strings of at most half a frame, in order."""
-        rows = self._part_rows
-        for first in range(0, len(self.rows.words), rows):
-            yield self.rows.words[first : first + rows].tobytes()
+        return (self.part(index) for index in range(self.part_count))
 
     @property
     def part_count(self) -> int:
         """How many parts there are."""
         return -(-len(self.rows.words) // self._part_rows)
 
+    def part(self, index: int, other: Film | None = None) -> bytes:
+        """Part `index`, or the sum of this one's and of another's, which both stay as they are."""
+        own = self._words_of(index)
+        if other is not None:
+            own = own.copy()
+            self._add_rows(own, other._words_of(index))
+        return own.tobytes()
+
     def merge_part(self, index: int, payload: bytes) -> None:
         """Add part `index` of another film of the same job; PeerFault if it does not fit."""
-        columns = self.rows.columns
-        first = index * self._part_rows if 0 <= index < self.part_count else len(self.rows.words)
-        own = self.rows.words[first : first + self._part_rows]
+        own = self._words_of(index)
         if len(own) == 0 or len(payload) != own.nbytes:
             raise PeerFault("a film part has the wrong size", where=f"part {index} of {self.part_count}, {len(payload)} bytes")
         # A copy, because a payload's numbers may lie at any address.
-        other = np.frombuffer(payload, "<u8").astype(np.uint64).reshape(own.shape)
+        self._add_rows(own, np.frombuffer(payload, "<u8").astype(np.uint64).reshape(own.shape))
+
+    def merge(self, other: Film) -> None:
+        """Add another film of the same job."""
+        self._add_rows(self.rows.words, other.rows.words)
+
+    def _words_of(self, index: int) -> U64:
+        first = index * self._part_rows if 0 <= index < self.part_count else len(self.rows.words)
+        return self.rows.words[first : first + self._part_rows]
+
+    def _add_rows(self, own: U64, other: U64) -> None:
+        columns = self.rows.columns
         full = np.int64(columns.aovs == ALL_AOVS)
         add_rows_of_film(own, own.view(np.int32), other, other.view(np.int32), np.int64(columns.radiance), full)
 

@@ -37,6 +37,7 @@ _COUNTS = (
     "rays_received",
     "not_finite",
     "clamped",
+    "late",
 )
 _SECONDS = ("prepare_seconds", "busy_seconds")
 _CHARACTERS_MAX = 200
@@ -93,6 +94,8 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         whole(state["image_bytes"], size, size)
         paths, passes = whole(state["paths"], least.paths, plan.paths), whole(state["passes"], least.count, plan.count)
         before, moved = whole(state["paths_before"], 0, paths), whole(state["moved"], 0, _COUNT_MAX)
+        attempts, again = whole(state["attempts"], 1, POOL_NODES_MAX), whole(state["passes_again"], 0, _COUNT_MAX)
+        lost = [_one_of(address, chosen) for address in _few(state["lost"], POOL_NODES_MAX)]
         seconds = {_short(name): _seconds(value) for name, value in _few(state["seconds"].items(), _STEPS_MAX)}
         nodes = [_node(row, chosen) for row in _few(state["nodes"], POOL_NODES_MAX)]
         if not nodes:
@@ -112,6 +115,9 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         "rays_per_second": rays / rendering,
         "cell_visits": sum(casts),
         "cells_moved": moved,
+        "attempts": attempts,
+        "nodes_lost": lost,
+        "passes_traced_again": again,
         "rays_passed": passed,
         "rays_passed_per_path": passed / paths,
         "packets_passed": sum(node["packets_sent"] for node in nodes),
@@ -126,10 +132,15 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
 
 def _node(row: dict[str, Any], chosen: Collection[str]) -> dict[str, Any]:
     """What is told of a node, in the order in which it is reported."""
-    if row["address"] not in chosen:
-        raise ValueError("a node that was not chosen")
+    _one_of(row["address"], chosen)
     counts = {name: whole(row[name], 0, _COUNT_MAX) for name in _COUNTS}
     return {"address": row["address"], **counts, **{name: _seconds(row[name]) for name in _SECONDS}}
+
+
+def _one_of(address: object, chosen: Collection[str]) -> str:
+    if not isinstance(address, str) or address not in chosen:
+        raise ValueError("a node that was not chosen")
+    return address
 
 
 def _few(values: Any, most: int) -> list[Any]:

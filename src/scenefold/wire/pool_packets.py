@@ -69,6 +69,7 @@ class AcknowledgeRays(Packet):
 
     TYPE: ClassVar[int] = 46
     job: int
+    attempt: int
     all_until: int
     selective: bytes
 
@@ -91,5 +92,12 @@ ROWS = (
         ("count", U32),
         ("rays", Bin(BULK_BYTES_MAX)),
     ),
-    row(AcknowledgeRays, Carrier.BOTH_LOW, ("job", U64), ("all_until", U64), ("selective", Bin(SELECTIVE_BYTES_MAX))),
+    row(
+        AcknowledgeRays,
+        Carrier.BOTH_LOW,
+        ("job", U64),
+        ("attempt", U64),
+        ("all_until", U64),
+        ("selective", Bin(SELECTIVE_BYTES_MAX)),
+    ),
 )

@@ -76,7 +76,7 @@ class CollectPass(Packet):
 
 @dataclass(frozen=True, slots=True)
 class PassSums(Packet):
-    """A node's sums of one pass, in parts, with its ledger as it stood when they were taken."""
+    """A node's sums of one pass, in parts, with its ledger as it stood when they were taken; or all of a closed pass, for whoever keeps a copy."""
 
     TYPE: ClassVar[int] = 54
     job: int
@@ -93,17 +93,21 @@ class PassSums(Packet):
 
 @dataclass(frozen=True, slots=True)
 class MergeFilm(Packet):
-    """Send me your film of this job."""
+    """Send me your film of this job, and all behind you: films are gathered, and this is the gathering's number."""
 
     TYPE: ClassVar[int] = 55
     BULK_ANSWER: ClassVar[bool] = True
     job: int
+    gathering: int
 
 
 @dataclass(frozen=True, slots=True)
 class FilmPart(Packet):
+    """A part of a film that is gathered; of one that a client sends, `gathering` is 0."""
+
     TYPE: ClassVar[int] = 56
     job: int
+    gathering: int
     part_index: int
     part_count: int
     payload: bytes
@@ -166,8 +170,8 @@ ROWS = (
     row(PassCounts, Carrier.TCP_LOW, *_PASS, *_LEDGER, ("link_sequence", U64)),
     row(CollectPass, Carrier.TCP_LOW, *_PASS),
     row(PassSums, Carrier.TCP_LOW, *_PASS, *_LEDGER, *_SHARE, law=_COUNTED),
-    row(MergeFilm, Carrier.TCP_LOW, _JOB),
-    row(FilmPart, Carrier.TCP_LOW, _JOB, *_SHARE, law=_COUNTED),
+    row(MergeFilm, Carrier.TCP_LOW, _JOB, ("gathering", U64)),
+    row(FilmPart, Carrier.TCP_LOW, _JOB, ("gathering", U64), *_SHARE, law=_COUNTED),
     row(FetchImage, Carrier.TCP_LOW, _JOB, ("offset", U64)),
     row(ImagePart, Carrier.TCP_LOW, _JOB, ("total_bytes", U64), ("offset", U64), ("payload", PART), law=Order("offset", "total_bytes")),
     row(CancelJob, Carrier.TCP_LOW, _JOB),

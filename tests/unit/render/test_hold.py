@@ -12,7 +12,7 @@ from trio.testing import MockClock
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.render.pool import service
-from scenefold.render.pool.hold import LOOK_S, PREPARE_S_MAX, SILENT_LOOKS_MAX, WAITING_LOOKS_MAX, Hold
+from scenefold.render.pool.hold import LOOK_S, PREPARE_S_MAX, SILENT_LOOKS_MAX, WAITING_LOOKS_MAX, WORD_S, Hold
 from scenefold.render.pool.keeping import keep_places
 from scenefold.render.pool.service import JOBS_OF_A_NODE_MAX, RenderService
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, pack_value
@@ -47,7 +47,7 @@ class Waits:
     is_idle = False
     was_ready = True
 
-    def __init__(self, _host: object, _renderer: object, job: Any, _log: object) -> None:
+    def __init__(self, _host: object, _renderer: object, job: Any, _organiser: object, _log: object) -> None:
         self.job, self.hold, self.gone, self._ended = job, Hold(), False, trio.Event()
 
     async def run(self) -> None:
@@ -158,6 +158,26 @@ async def test_while_one_node_prepares_for_long_the_others_hear_of_the_job(autoj
     host.ask = ask  # type: ignore[attr-defined]
     job: Any = SimpleNamespace(id=1, nodes=(ORGANISER, OTHER))
     with trio.move_on_after(PREPARE_S_MAX):
-        await keep_places(host, job)  # type: ignore[arg-type]
+        await keep_places(host, job, lambda: job.nodes)  # type: ignore[arg-type]
     gaps = [after - before for before, after in zip([0.0, *heard], heard, strict=False)]
     assert heard[-1] > PREPARE_S_MAX - LOOK_S and max(gaps) < LOOK_S
+
+
+async def test_who_is_lost_hears_nothing_more(autojump_clock: MockClock) -> None:
+    host, heard = Node(), []
+    living = [ORGANISER, OTHER]
+
+    async def ask(to: NodeId, packet: Packet, timeout_s: float) -> Packet:
+        await trio.lowlevel.checkpoint()
+        heard.append(to)
+        return JobStateReply(job=1, document=b"")
+
+    host.ask = ask  # type: ignore[attr-defined]
+    job: Any = SimpleNamespace(id=1, nodes=(ORGANISER, OTHER))
+    with trio.move_on_after(1.5 * WORD_S):
+        await keep_places(host, job, lambda: living)  # type: ignore[arg-type]
+    assert sorted(heard) == sorted(living)
+    living.remove(OTHER)
+    with trio.move_on_after(1.5 * WORD_S):
+        await keep_places(host, job, lambda: living)  # type: ignore[arg-type]
+    assert sorted(heard) == sorted([ORGANISER, ORGANISER, OTHER])

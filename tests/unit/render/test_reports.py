@@ -43,6 +43,7 @@ def node(address: str) -> dict[str, Any]:
             "rays_received",
             "not_finite",
             "clamped",
+            "late",
         ],
         5,
     )
@@ -60,6 +61,9 @@ STATE: dict[str, Any] = {
     "image_bytes": SIZE,
     "paths_before": 0,
     "moved": 3,
+    "attempts": 2,
+    "passes_again": 5,
+    "lost": [ADDRESSES[1]],
     "kept_passes": 0,
     "content": bytes(32),
     "seconds": {"plan": 0.5, "render": 2.0},

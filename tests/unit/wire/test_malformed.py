@@ -140,7 +140,7 @@ def test_trailing_bytes(packet: Packet, rest: bytes) -> None:
         ([23, 0, None, 1, 2, 3, 4, 5, 6, [float("-inf")], 0, b""], "SendRays.render_location[0]", "finite"),
         ([23, 0, None, 1, 2, 3, 4, 5, 6, [0.0, 0.0], 0, b""], "SendRays.render_location", "2 items"),
         ([16, 0, None, 1, 1, LAST, FIRST], "QueryRange", "not first ≤ last"),
-        ([56, 0, None, 1, 2, 2, b""], "FilmPart", "not part_index < part_count"),
+        ([56, 0, None, 1, 0, 2, 2, b""], "FilmPart", "not part_index < part_count"),
         ([58, 0, None, 1, 2, 3, b""], "ImagePart", "not offset ≤ total_bytes"),
         ([1, 0, None, [[*HEARD, FIRST, None, *SAID]]], "PingBroadcast.statuses[0]", "not left_fence needs right_bound"),
         ([1, 0, None, [[*HEARD, LAST, LAST, *SAID]]], "PingBroadcast.statuses[0]", "left_fence < right_bound"),

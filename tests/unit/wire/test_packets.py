@@ -101,7 +101,7 @@ def test_any_buffer_can_be_sent(buffer: type) -> None:
         (SendRays(1, 2, 3, 4, 5, 6, (float("inf"),), 0, b""), "SendRays.render_location[0]"),
         (SendRays(1, 2, 3, 4, 5, 6, (1,), 0, b""), "SendRays.render_location[0]"),
         (QueryRange(1, 1, LAST, FIRST), "QueryRange"),
-        (FilmPart(1, 1, 1, b""), "FilmPart"),
+        (FilmPart(1, 0, 1, 1, b""), "FilmPart"),
         (StartJob(1, "text"), "StartJob.document"),
         (StartJob(1, None), "StartJob.document"),
     ],
@@ -114,7 +114,7 @@ def test_what_we_would_not_accept_we_do_not_send(packet: Packet, field: str) -> 
 
 
 def test_a_full_part_fits_a_frame_and_a_fuller_packet_does_not() -> None:
-    part = FilmPart(1, 0, 1, bytes(BULK_BYTES_MAX), mini_status=STATUS)
+    part = FilmPart(1, 0, 0, 1, bytes(BULK_BYTES_MAX), mini_status=STATUS)
     assert decode_packet(encode_packet(part)) == part
     item = PutItem(1, 1, FIRST, bytes(64), bytes(181), bytes(60_000))
     with pytest.raises(LocalFault, match="exceeds a frame"):

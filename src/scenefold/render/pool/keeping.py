@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
+
 import trio
 
 from scenefold.base.errors import ScenefoldError
@@ -12,12 +14,14 @@ from scenefold.render.pool.host import Host
 from scenefold.wire import JobState
 
 
-async def keep_places(host: Host, job: Job) -> None:
-    """Until cancelled. What the nodes answer hears who waits for it."""
+async def keep_places(host: Host, job: Job, nodes: Callable[[], Collection[NodeId]]) -> None:
+    """Until cancelled, with those of the job's nodes that are not lost (`nodes`). What they answer hears who waits for it."""
 
     async def keep(node: NodeId) -> None:
         while True:
             await host.world.clock.sleep(WORD_S)
+            if node not in nodes():
+                continue
             try:
                 await host.ask(node, JobState(job=job.id), WORD_S)
             except ScenefoldError:

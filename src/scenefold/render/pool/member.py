@@ -1,90 +1,85 @@
-"""A node's part in a job: it traces what lies in its cell, passes rays on, and closes its own passes.
+"""A node's part in an attempt of a job: it traces what lies in its cell, passes rays on, and closes its own passes.
 
     rays in (SendRays) --> WorkQueue --> tracer in a worker thread --> Link --> rays out
                                               |
-                                         PassSums by pass, collected by the pass's owner --> Film
+                                         PassSums by pass, collected by the pass's owner --> its film, and its keeper's copy
 
 Everything here runs on the Trio thread but for the workers' calls; between two awaits the counts of a pass, its
-queue and its sums agree with one another, and the ledger relies on that.
+queue and its sums agree with one another, and the ledger relies on that. Nodes are known by their places in the roster.
+With an attempt all of this goes, but for films and statistics (specs/31-attempts.md).
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+from collections.abc import Awaitable, Callable, Collection
 from functools import partial
 
 import numpy as np
 import trio
 
-from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import address_of
 from scenefold.base.rays import RAY_BYTES, RAY_WORDS
 from scenefold.base.reasons import RejectReason
 from scenefold.render.arrays import U32
 from scenefold.render.contract import Tracer
-from scenefold.render.film import EVERY_ROW, Film, GoesOn
+from scenefold.render.film import EVERY_ROW, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
 from scenefold.render.pool.cell import Cell
-from scenefold.render.pool.hit_sample import HitSample
+from scenefold.render.pool.films import Summed
+from scenefold.render.pool.lasting import Lasting
 from scenefold.render.pool.links.link import Link
+from scenefold.render.pool.links.sender import GIVE_UP_S
 from scenefold.render.pool.outbox import SMALL_BYTES
 from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner, sequence_of
+from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.work import Work, WorkQueue
 from scenefold.wire import AcknowledgeRays, CollectPass, Packet, PassCounts, PassSums, SendRays
-from scenefold.world import World
+from scenefold.world import World, leaves
 
 COLLECT_S_MAX = 120.0
+AGAIN_S = 0.2
+"""Before a node that could not be reached is asked again."""
 QUEUE_RAYS_ENOUGH = 32_768
 """With this many rays waiting, no further pass is opened."""
 
 
-@dataclass(slots=True)
-class MemberStatistics:
-    """What a node did for a job so far."""
-
-    rays: int = 0
-    """Born here: camera, bounce and shadow rays, each once however many cells it crosses."""
-    casts: int = 0
-    """Visits of this cell: the node's work."""
-    shadow_casts: int = 0
-    rays_sent: int = 0
-    rays_received: int = 0
-    busy_seconds: float = 0.0
-    counters: list[int] = field(default_factory=lambda: [0, 0, 0])
-
-
 class Member:
-    """One node's running part in one job."""
+    """One node's running part in one attempt."""
 
     def __init__(
         self,
         job: Job,
+        roster: Roster,
         me: int,
         stride: int,
         cell: Cell,
+        lasting: Lasting,
+        done: Collection[int],
         world: World,
         ask: Callable[[int, Packet, float], Awaitable[Packet]],
         send: Callable[[int, Packet], Awaitable[None]],
     ) -> None:
-        """`ask` and `send` reach the job's node of an index: with an answer, and without."""
-        self._job, self._me, self._stride, self._world = job, me, stride, world
+        """`me`: the node's place. `done`: passes that are traced no more. `ask` and `send` reach the node at a place: with an answer, and without."""
+        self._job, self._roster, self._me, self._stride, self._world = job, roster, me, stride, world
         self._cell = cell
         self._ask = ask
         self._plan = job.plan
-        self._own = OwnPasses(self._plan, job.nodes, me)
+        self._films, self.statistics, self.hits = lasting.films, lasting.statistics, lasting.hits
+        self._own = OwnPasses(self._plan, roster.nodes, me, done)
+        self._keeper = roster.keeper(me)
         self._queue = WorkQueue()
         self._goes_on = EVERY_ROW
         self._counts: dict[int, Counts] = {}
         self._reported: dict[int, Counts] = {}
         self._sums: dict[int, dict[int, Sums]] = {}
         self._links = {
-            index: Link(job, address_of(node), world.clock, partial(send, index), self._knows_closed)
-            for index, node in enumerate(job.nodes)
+            index: Link(job, roster.attempt, address_of(node), world.clock, partial(send, index), self._knows_closed)
+            for index, node in enumerate(roster.nodes)
             if index != me
         }
         self._changed = trio.Event()
@@ -94,9 +89,8 @@ class Member:
         self._opening = False
         self._closing = trio.Lock()
         self._nursery: trio.Nursery | None = None
-        self.film = Film(job.window.width, job.window.height, job.columns)
-        self.statistics = MemberStatistics()
-        self.hits = HitSample(len(job.nodes), job.seed + me)
+        self.away: dict[int, str] = {}
+        """Nodes that this one cannot reach, for good, and what came of it."""
         self.on_newer: Callable[[int], object] = lambda _epoch: None
         """Told the epoch of rays that are addressed by a newer partition than this node's."""
 
@@ -151,9 +145,22 @@ class Member:
 
     def on_closed(self, node: int, number: object, link_sequence: object) -> None:
         """A pass was closed by its owner: what we kept for it may go. PeerFault or Refused if another says so."""
-        closed, sequence = closed_pass(self._plan, len(self._job.nodes), node, number), sequence_of(link_sequence)
+        closed, sequence = closed_pass(self._plan, len(self._roster.nodes), node, number), sequence_of(link_sequence)
         if self._link(node).counts(sequence, SMALL_BYTES):
             self._forget(closed)
+
+    async def on_copy(self, node: int, packet: PassSums) -> None:
+        """A pass that another node has closed, to be kept for it, one at a time. PeerFault or Refused if it is not that node's, or not ours to keep."""
+        number = closed_pass(self._plan, len(self._roster.nodes), node, packet.pass_index)
+        if self._roster.keeper(node) != self._me:
+            raise Refused(RejectReason.NOT_AUTHORISED, "this node keeps no copy of that one's film")
+        copy = self._films.copy_of(self._roster.nodes[node])
+        await self._world.workers.run(FILM_LANE, self._add_copy, copy, number, packet.payload)
+
+    def _add_copy(self, copy: Summed, number: int, payload: bytes) -> None:
+        total = self._no_sums(number)
+        total.add_bytes(payload)
+        copy.add(number, total, self._plan.first_path(number), self._stride, self._goes_on)
 
     def on_acknowledged(self, node: int, packet: AcknowledgeRays) -> None:
         """What we sent to another node has come. PeerFault if it was never sent."""
@@ -226,8 +233,8 @@ class Member:
         """Trace until cancelled. Whatever fails here fails the job on this node."""
         async with trio.open_nursery() as nursery:
             self._nursery = nursery
-            for link in self._links.values():
-                nursery.start_soon(link.run)
+            for place, link in self._links.items():
+                nursery.start_soon(self._carry, place, link)
             for index in range(len(self._cell.tracers)):
                 nursery.start_soon(self._trace, index)
             nursery.start_soon(self._readdress)
@@ -237,6 +244,16 @@ class Member:
                 # What others report while this part ends begins nothing any more.
                 self._nursery = None
 
+    async def _carry(self, place: int, link: Link) -> None:
+        try:
+            await link.run()
+        except* Unreachable as group:
+            self._give_up(place, next(leaves(group)))
+
+    def _give_up(self, place: int, error: BaseException) -> None:
+        """The organiser reads it, and has the next attempt without one of the two."""
+        self.away.setdefault(place, str(error))
+
     @property
     def link_counts(self) -> dict[str, int]:
         """Packets of rays that this node sent, each once; packets of all kinds that it sent again; acknowledgements."""
@@ -245,8 +262,13 @@ class Member:
 
     @property
     def closed(self) -> int:
-        """How many of its own passes this node has closed."""
+        """How many of its own passes this node has closed, and its keeper has."""
         return self._own.closed
+
+    @property
+    def opened(self) -> int:
+        """How many of its own passes this node has opened."""
+        return self._own.opened
 
     @property
     def owned(self) -> int:
@@ -292,6 +314,7 @@ class Member:
         created = sum(map(len, rays.values()))
         if not created:
             # None of its pixels goes on: nobody has anything of it.
+            self._films.own.passes.add(number)
             self._own.close(number)
             self._wake()
             return
@@ -338,7 +361,7 @@ class Member:
         if self._reported.get(number) == counts:
             return
         self._reported[number] = counts
-        owner = pass_owner(self._plan, number, len(self._job.nodes))
+        owner = pass_owner(self._plan, number, len(self._roster.nodes))
         if owner == self._me:
             self._report(self._me, number, counts)
             return
@@ -362,10 +385,10 @@ class Member:
         replies: dict[int, PassSums] = {}
 
         async def read(index: int) -> None:
-            request = CollectPass(job=self._job.id, pass_index=number, attempt=0)
-            reply = await self._ask(index, request, COLLECT_S_MAX)
+            request = CollectPass(job=self._job.id, pass_index=number, attempt=self._roster.attempt)
+            reply = await self._answer(index, request)
             if not isinstance(reply, PassSums) or reply.pass_index != number:
-                raise PeerFault(f"{type(reply).__name__} is no answer to CollectPass", where=f"node {index} of the job")
+                raise PeerFault(f"{type(reply).__name__} is no answer to CollectPass", where=address_of(self._roster.nodes[index]))
             replies[index] = reply
 
         while True:
@@ -382,20 +405,52 @@ class Member:
                 return
             ledger.begin_collection()
         async with self._closing:
-            await self._world.workers.run(FILM_LANE, self._close, number, [reply.payload for reply in replies.values()])
+            total = await self._world.workers.run(FILM_LANE, self._close, number, [reply.payload for reply in replies.values()])
         self._forget(number)
-        self._own.close(number, len(self._links))
+        self._own.close(number, len(self._links), is_copied=self._keeper is None)
         for link in self._links.values():
             link.put_closed(number)
         self._wake()
+        if self._keeper is not None:
+            await self._answer(self._keeper, await self._world.workers.run(FILM_LANE, self._copy_of, number, total))
+            self._own.copied(number)
+            self._wake()
 
-    def _close(self, number: int, payloads: list[bytes]) -> None:
+    async def _answer(self, node: int, packet: Packet) -> Packet:
+        """Ask until it answers: of a node that died, or cannot be reached, the organiser will tell, which ends this."""
+        give_up_at = self._world.clock.now() + GIVE_UP_S
+        while True:
+            try:
+                return await self._ask(node, packet, COLLECT_S_MAX)
+            except (Unreachable, Refused) as error:
+                if isinstance(error, Refused) and error.reason is not RejectReason.NOT_READY:
+                    raise
+                if self._world.clock.now() >= give_up_at:
+                    self._give_up(node, error)
+            await self._world.clock.sleep(AGAIN_S)
+
+    def _copy_of(self, number: int, total: Sums) -> PassSums:
+        return PassSums(
+            job=self._job.id,
+            pass_index=number,
+            attempt=self._roster.attempt,
+            created=0,
+            retired=0,
+            sent=0,
+            received=0,
+            part_index=0,
+            part_count=1,
+            payload=total.to_bytes(),
+        )
+
+    def _close(self, number: int, payloads: list[bytes]) -> Sums:
         """Add everybody's sums of a pass, and the pass to the film. In a worker; passes close one at a time."""
         total = self._total(number)
         for payload in payloads:
             total.add_bytes(payload)
         self.statistics.counters = [known + int(more) for known, more in zip(self.statistics.counters, total.counters, strict=True)]
-        self.film.add(total, self._plan.first_path(number), self._stride, self._goes_on)
+        self._films.own.add(number, total, self._plan.first_path(number), self._stride, self._goes_on)
+        return total
 
     def _packed_sums(self, number: int) -> bytes:
         return self._total(number).to_bytes()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable, Sequence
+from typing import Protocol
 
 from scenefold.base.errors import ScenefoldError
 from scenefold.partition import Partition
@@ -23,8 +24,14 @@ WORTH = 4.0
 _log = logging.getLogger("scenefold.render.pool")
 
 
+class Noted(Protocol):
+    """Told of a move."""
+
+    def __call__(self, partition: Partition, *, is_claimed: bool) -> None: ...
+
+
 class Mover:
-    """Of one job."""
+    """Of one attempt of a job."""
 
     def __init__(
         self,
@@ -34,20 +41,16 @@ class Mover:
         told: Callable[[], Sequence[Told]],
         to_all: Callable[[dict[str, Value], float], Awaitable[None]],
         left_s: Callable[[], float],
+        noted: Noted,
     ) -> None:
         """`told`: by all nodes, lately; none, as long as not all have told. `to_all`: an event that every node must take.
 
-        `left_s`: how long the rest of the job will take, as far as it can be told.
+        `left_s`: how long the rest of the job will take, as far as it can be told. `noted`: hears of each move, before any node does, and
+        when all have claimed it.
         """
         self._moves, self._clock, self._workers, self._told, self._to_all, self._left_s = moves, clock, workers, told, to_all, left_s
+        self._noted = noted
         self._took_s = 0.0
-        self.moved = 0
-        """How often."""
-
-    @property
-    def epoch(self) -> int:
-        """Of the newest partition that all have claimed."""
-        return self._moves.partition.epoch
 
     async def run(self) -> None:
         """Move cells after every round, until cancelled, or until a node cannot."""
@@ -64,12 +67,13 @@ class Mover:
             if after is self._moves.partition:
                 continue
             begun = self._clock.now()
+            self._noted(after, is_claimed=False)
             if not await self._fetched(after):
                 return
             await self._to_all({"claim": after.epoch}, CLAIM_S_MAX)
             self._moves.partition = after
             self._took_s = self._clock.now() - begun
-            self.moved += 1
+            self._noted(after, is_claimed=True)
 
     async def _fetched(self, after: Partition) -> bool:
         refused = ""

@@ -30,15 +30,17 @@ class Told(NamedTuple):
 
 
 class Moves:
-    """Of one job. `partition` is the newest one."""
+    """Of one attempt of a job. `partition` is the newest one."""
 
-    def __init__(self, rule: Rule, partition: Partition, box: F64, geometry: F64, first_rays: int = FIRST_RAYS) -> None:
-        """box f64[2, 3]: the scene's; geometry f64[m, 2, 3]: boxes of what nodes hold."""
+    def __init__(
+        self, rule: Rule, partition: Partition, box: F64, geometry: F64, first_rays: int = FIRST_RAYS, before: Sequence[Told] = ()
+    ) -> None:
+        """box f64[2, 3]: the scene's; geometry f64[m, 2, 3]: boxes of what nodes hold. `before`: what all had told when the partition was made."""
         self.partition = partition
         self._rule, self._box, self._geometry, self._first_rays = rule, box, geometry, first_rays
         self._rounds = 0
-        self._casts = 0
-        self._busy = np.zeros(partition.nodes)
+        self._casts = sum(one.casts for one in before)
+        self._busy = np.array([one.busy_seconds for one in before]) if before else np.zeros(partition.nodes)
 
     def is_due(self, told: Sequence[Told]) -> bool:
         """Whether the round is over."""

@@ -34,7 +34,8 @@ class Moving:
     """Of one part. `held`: what it traces with, once it is ready."""
 
     def __init__(self, host: Host, renderer: Renderer, job: Job, me: int) -> None:
-        self._host, self._renderer, self._job, self._me = host, renderer, job, me
+        self._host, self._renderer, self._job = host, renderer, job
+        self._place, self._places = me, len(job.nodes)
         self.held: Held | None = None
         self.bytes_read = 0
         """Of the scene, so far."""
@@ -48,36 +49,49 @@ class Moving:
 
     async def open(self) -> Held:
         """The job's first cell; the scene's keys are needed for as long as this takes."""
-        self.held = await self._opened(self._job.partition)
+        self.held = await self._opened(self._job.partition, self._place)
         return self.held
 
-    async def fetch(self, document: object) -> None:
-        """Make ready to answer for this node's cell of another partition. PeerFault if it is none, LocalFault if it cannot be."""
+    def take_place(self, place: int, places: int) -> None:
+        """In a new attempt. Nothing is traced before a cell of it is claimed."""
+        self._place, self._places = place, places
+
+    async def fetch(self, document: object, *, is_anew: bool = False) -> None:
+        """Make ready to answer for this node's cell of another partition. PeerFault if it is none, LocalFault if it cannot be.
+
+        `is_anew`: an attempt begins, nothing is traced, and what was fetched before will not be claimed.
+        """
         partition = Partition.from_document(document)
-        if partition.nodes != len(self._job.nodes):
-            raise PeerFault("a partition is for another number of nodes")
         async with self._turn:
+            if partition.nodes != self._places:
+                raise PeerFault("a partition is for another number of nodes")
+            if is_anew and self._next is not None:
+                dropped, self._next = self._next, None
+                await self._close(dropped)
             now = self._now()
             if partition.epoch <= now.cell.partition.epoch or self._next is not None:
                 raise PeerFault("cells do not move that way", where=f"epoch {partition.epoch}")
-            if not now.cell.can_route:
+            if not is_anew and not now.cell.can_route:
                 raise LocalFault("the renderer cannot move cells", remedy="render with fixed cells")
             # Two cells are held at most.
             await self._all_left.wait()
-            self._next = await self._moved(self._now(), partition)
+            self._next = await self._moved(self._now(), partition, self._place)
 
     def claim(self, epoch: object, member: Member) -> None:
         """Answer for the cell that was fetched. PeerFault if it was not."""
+        if _epoch(epoch) != self._now().cell.partition.epoch:
+            member.claim(self.take(epoch))
+
+    def take(self, epoch: object) -> Cell:
+        """The cell that was fetched; what was held before is let go of. PeerFault if it was not."""
         number, now, fetched = _epoch(epoch), self._now(), self._next
-        if number == now.cell.partition.epoch:
-            return
         if fetched is None or fetched.cell.partition.epoch != number:
             raise PeerFault("no such cell was fetched", where=f"epoch {number}")
         self.held, self._next = fetched, None
-        member.claim(fetched.cell)
         self._left.append(now)
         self._all_left = trio.Event()
         self._has_left.set()
+        return fetched.cell
 
     def claim_if_fetched(self, epoch: int, member: Member) -> None:
         """The word of a node that has claimed already."""
@@ -121,24 +135,24 @@ class Moving:
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is not ready")
         return self.held
 
-    async def _moved(self, now: Held, partition: Partition) -> Held:
-        needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, partition, self._me)
+    async def _moved(self, now: Held, partition: Partition, place: int) -> Held:
+        needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, partition, place)
         share = now.loaded.share
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
         if holds and isinstance(now.scene, MovableScene):
-            tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, partition, self._host.render_threads)
+            tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, partition, place, self._host.render_threads)
             return Held(Cell(partition, tracers), now.loaded, now.scene)
-        return await self._opened(partition)
+        return await self._opened(partition, place)
 
-    async def _opened(self, partition: Partition) -> Held:
+    async def _opened(self, partition: Partition, place: int) -> Held:
         host, job = self._host, replace(self._job, partition=partition)
         if self.held is not None:
             # The digest of the whole scene was told already.
             job = replace(job, keeps=False)
         async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
-            loaded = await load_share(reader, host.world.workers, job, self._me)
+            loaded = await load_share(reader, host.world.workers, job, place)
         self.bytes_read += loaded.bytes_read
-        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, partition, self._me)
+        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, partition, place)
         if self._is_over:
             await host.world.workers.run(LANE, scene.close)
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is over")

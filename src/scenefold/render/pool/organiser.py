@@ -1,13 +1,14 @@
 """The owner of a job's location: it makes the job, gets everybody ready, watches, and gathers the image.
 
 No master: which node organises a job follows from the job's id and from who may render, and all that it decides alone is the
-partition, as one value. Passes belong to all nodes. If a node is lost, the job fails with a word that says which.
+partition, as one value. Passes belong to all nodes. If another node is lost while they trace, those that are left go on (attempts.py).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
 
 import numpy as np
 import trio
@@ -15,18 +16,20 @@ import trio
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
+from scenefold.partition import Partition
 from scenefold.render.adaptive import going_on
 from scenefold.render.algorithms import rule_of
-from scenefold.render.arrays import F32
+from scenefold.render.arrays import F64
 from scenefold.render.content import pair_boxes
 from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.developing import Box, develop
-from scenefold.render.film import EVERY_ROW, Film, GoesOn
+from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job
 from scenefold.render.layers import packed
 from scenefold.render.numbers import camera_numbers, depth_of_box, job_box
-from scenefold.render.pool.hit_sample import hits_of_bytes
+from scenefold.render.pool.attempts import Attempts, or_lost
+from scenefold.render.pool.company import ASK_S_MAX, Company, NodesLost
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
@@ -37,14 +40,15 @@ from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.request import Keep, RenderRequest
 from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
-from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
+from scenefold.render.pool.telling import failure_fields, failure_of, told
 from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_scene
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
-from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value, unpack_value
+from scenefold.wire import CancelJob, StartJob, Value
 from scenefold.world import DiskFailed, QuietLog
 
-ASK_S_MAX = 30.0
+LOST_S_MAX = 2.0
+"""For a node that is lost to answer after all."""
 UPLOAD_S_MAX = 900.0
 """A film to go on from, 4 MiB at a time, over whatever line the client has."""
 _ANEW = "remove the file of the kept render to begin anew"
@@ -69,10 +73,14 @@ class Organiser:
         self._job: Job | None = None
         self._phase = "preparing"
         self._failure: Refused | None = None
-        self._states: dict[int, dict[str, Value]] = {}
-        self._hits: dict[int, F32] = {}
-        self._mover: Mover | None = None
+        self._company: Company | None = None
+        self._attempts: Attempts | None = None
+        self._moved = 0
         self._released_at = 0.0
+        self._level, self._goes_on = 0, EVERY_ROW
+        """What is traced."""
+        self._gathered_passes = 0
+        """All below this one are closed, and in our film."""
         self._seconds: dict[str, float] = {}
         self._keep = request.keep
         self._algorithm = request.options.algorithm
@@ -104,7 +112,7 @@ class Organiser:
             await self._free()
             if self._failure is not None:
                 # The place is free, and only the words are kept.
-                self._job, self._states = None, {}
+                self._job = self._company = self._attempts = None
             await self._host.world.clock.sleep(KEEP_S)
         with trio.CancelScope(shield=True), trio.move_on_after(ASK_S_MAX):
             await self._free()
@@ -134,22 +142,28 @@ class Organiser:
     def state(self) -> dict[str, Value]:
         """How the job stands, for the client."""
         plan = None if self._job is None else self._job.plan
+        states = {} if self._company is None else self._company.states
         return {
             "phase": self._phase,
             **failure_fields(self._failure),
             "passes": 0 if plan is None else plan.count if self._traced is None else self._begun_passes,
             "paths": 0 if plan is None else plan.paths if self._traced is None else self._traced,
-            "closed": 0 if plan is None else self._before + sum(_whole(state.get("closed")) for state in self._states.values()),
+            "closed": 0 if plan is None else self._before if self._attempts is None else self._attempts.closed,
             "numeric_class": "" if self._job is None else self._job.numeric_class,
             "paths_before": self._paths_before,
             "kept_passes": self._kept[0],
             "content": self._digest,
-            "moved": 0 if self._mover is None else self._mover.moved,
+            "moved": self._moved,
+            "attempts": 1 if self._company is None else 1 + self._company.roster.attempt,
+            "passes_again": 0 if self._attempts is None else self._attempts.traced_again,
+            "lost": [] if self._attempts is None else [address_of(node) for node in self._attempts.lost],
             "image_bytes": len(self.image),
             "seconds": {name: float(value) for name, value in self._seconds.items()},
             "nodes": [
-                {"address": address_of(node), **self._states.get(index, {})}
-                for index, node in enumerate(() if self._job is None else self._job.nodes)
+                {"address": address_of(node), **states.get(node, {})}
+                for node in (() if self._job is None else self._job.nodes)
+                # A node that was lost before it said anything has done nothing.
+                if self._attempts is None or node in states or node not in self._attempts.lost
             ],
         }
 
@@ -159,84 +173,108 @@ class Organiser:
             job, tables = await self._plan(self._request, self._keys)
         self._job, self._keys, self._request = job, None, None
         async with trio.open_nursery() as nursery:
-            nursery.start_soon(keep_places, self._host, job)
-            if job.moves:
-                self._mover = await self._host.world.workers.run(LANE, self._mover_of, job, tables)
+            nursery.start_soon(keep_places, self._host, job, self._nodes_now)
             await self._make_image(job, tables)
             nursery.cancel_scope.cancel()
 
     async def _make_image(self, job: Job, tables: SceneTables) -> None:
-        with _Timed(self, "prepare"):
-            await self._of_all(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
-        if self._keep is not None:
-            await self._look_at_nodes(job)
-            self._digest = digest_of_scene(job.content, (_digest_of(state.get("digest")) for state in self._states.values()))
-            if self._keep.passes:
-                _check_kept(self._keep, self._digest, job.numeric_class)
-        self._phase = "rendering"
-        with _Timed(self, "render"):
-            goes_on = await self._film_before(job)
-            await self._of_all(_event(job, {"go": True, "from": self._before}), ASK_S_MAX)
-            self._released_at = self.now()
-            async with trio.open_nursery() as nursery:
-                if self._mover is not None:
-                    nursery.start_soon(self._mover.run)
-                await self._render_levels(job, goes_on)
-                nursery.cancel_scope.cancel()
+        self._company = company = Company(self._host, job)
+        try:
+            with _Timed(self, "prepare"):
+                await company.ask(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
+            if self._keep is not None:
+                await company.look()
+                self._digest = digest_of_scene(job.content, (_digest_of(state.get("digest")) for state in company.states.values()))
+                if self._keep.passes:
+                    _check_kept(self._keep, self._digest, job.numeric_class)
+            self._phase = "rendering"
+            with _Timed(self, "render"):
+                await self._film_before(job)
+                self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), self._before)
+                await company.tell({"go": True, "from": self._before})
+        except NodesLost as lost:
+            # Nothing is traced yet, and whoever wants the image may choose again who renders it.
+            raise lost.error from None
+        boxes = await self._host.world.workers.run(LANE, _boxes_of, tables) if job.moves else None
+        while (missing := await or_lost(partial(self._attempt, job, boxes))) is not None:
+            with _Timed(self, "recover"):
+                await attempts.begin_again(missing)
         self._phase, self._kept = "merging", (0, b"")
         with _Timed(self, "merge"):
-            await self._gather(job)
             film = self._film(job)
             self._traced = int(film.rows.samples.sum(dtype=np.int64))
             self.image = await self._host.world.workers.run(FILM_LANE, _image, film, job, job_box(tables))
 
-    async def _film_before(self, job: Job) -> GoesOn:
-        """Put the film that the job goes on from into ours, if there is one; the rows that went on to the level that it is in."""
+    async def _attempt(self, job: Job, boxes: F64 | None) -> None:
+        """All that is left to trace, and all films into ours. NodesLost, maybe in a group."""
+        assert self._attempts is not None
+        self._released_at = self.now()
+        with _Timed(self, "render"):
+            async with trio.open_nursery() as nursery:
+                mover = None if boxes is None else await self._host.world.workers.run(FILM_LANE, self._mover_of, boxes)
+                if mover is not None:
+                    nursery.start_soon(mover.run)
+                await self._render_levels(job)
+                nursery.cancel_scope.cancel()
+        with _Timed(self, "merge"):
+            await self._attempts.gather(range(self._begun_passes))
+
+    async def _film_before(self, job: Job) -> None:
+        """Put the film that the job goes on from into ours, if there is one, and go on with the level that it is in."""
         if not self._before:
-            return EVERY_ROW
+            return
         with trio.move_on_after(UPLOAD_S_MAX) as scope:
             await self._coming.whole.wait()
         if scope.cancelled_caught:
             raise LocalFault("the film to go on from did not come", remedy="start the render again")
         film = self._film(job)
-        goes_on = await self._host.world.workers.run(FILM_LANE, unpack_film, self._coming.film(), film)
+        self._goes_on = await self._host.world.workers.run(FILM_LANE, unpack_film, self._coming.film(), film)
+        self._own_part(job.id).films.own.passes |= set(range(self._before))
         self._paths_before = int(film.rows.samples.sum(dtype=np.int64))
-        return goes_on
+        self._level, self._gathered_passes, self._begun_passes = job.plan.level_of(self._before - 1), self._before, self._before
 
-    async def _render_levels(self, job: Job, goes_on: GoesOn) -> None:
-        """Level by level until the last one, or until no pixel goes on; without adaptive sampling there is one."""
+    async def _render_levels(self, job: Job) -> None:
+        """Level by level until the last one, or until no pixel goes on; without adaptive sampling there is one. It may be called again after a loss."""
         plan = job.plan
-        done = self._begun_passes = self._before
-        first = plan.level_of(done - 1) if done else 0
-        for level in range(first, plan.levels):
-            if level > first:
-                assert job.adaptive is not None
-                goes_on = await self._host.world.workers.run(FILM_LANE, going_on, self._film(job), job.adaptive.noise, goes_on)
-                if not goes_on.any():
-                    return
-            if level:
-                for piece in pieces(level, goes_on):
-                    await self._of_all(_event(job, piece), ASK_S_MAX)
-            done = await self._render_level(job, done, plan.passes_until(level), goes_on)
+        while True:
+            if self._level:
+                for piece in pieces(self._level, self._goes_on):
+                    await self._tell(piece)
+            await self._render_level(job, plan.passes_until(self._level))
+            if self._level == plan.levels - 1:
+                return
+            assert job.adaptive is not None
+            goes_on = await self._host.world.workers.run(FILM_LANE, going_on, self._film(job), job.adaptive.noise, self._goes_on)
+            if not goes_on.any():
+                return
+            self._level, self._goes_on = self._level + 1, goes_on
 
-    async def _render_level(self, job: Job, done: int, end: int, goes_on: GoesOn) -> int:
-        """In stages, if films are to be kept, after each of which one is. How many passes are closed in the end."""
+    async def _render_level(self, job: Job, end: int) -> None:
+        """In stages, if films are to be kept, after each of which one is."""
+        assert self._attempts is not None
         rate = None
-        while done < end:
-            begun, until = self.now(), stage_end(done, end, len(job.nodes), rate) if self._keep is not None else end
-            self._begun_passes = until
-            await self._of_all(_event(job, {"until": until}), ASK_S_MAX)
-            while not await self._all_closed(job):
+        while self._gathered_passes < end:
+            done = self._gathered_passes
+            # After a loss the stage is the same one.
+            if self._begun_passes <= done:
+                self._begun_passes = stage_end(done, end, len(job.nodes), rate) if self._keep is not None else end
+            begun, until = self.now(), self._begun_passes
+            await self._tell({"until": until})
+            while not await self._all_closed():
                 await self._host.world.clock.sleep(POLL_S)
-            rate, done = (until - done) / max(self.now() - begun, 1e-3), until
-            if done < job.plan.count:
-                await self._gather(job)
-                if self._keep is not None:
-                    self._kept = done, await self._host.world.workers.run(FILM_LANE, packed_film, self._film(job), goes_on)
-        return done
+            rate = (until - done) / max(self.now() - begun, 1e-3)
+            if until == job.plan.count:
+                return
+            await self._attempts.gather(range(until))
+            self._gathered_passes = until
+            if self._keep is not None:
+                self._kept = until, await self._host.world.workers.run(FILM_LANE, packed_film, self._film(job), self._goes_on)
+
+    def _nodes_now(self) -> Collection[NodeId]:
+        return () if self._company is None else self._company.nodes
 
     def _film(self, job: Job) -> Film:
-        return self._own_part(job.id).member().film
+        return self._own_part(job.id).films.own.film
 
     def take_film(self, index: int, payload: bytes) -> None:
         """A piece of the film to go on from. PeerFault if it does not follow on those before."""
@@ -308,97 +346,64 @@ class Organiser:
             raise Refused(RejectReason.NOT_READY, "this node is no member of the cluster at the moment", remedy="start the render again")
         return nodes
 
-    async def _look_at_nodes(self, job: Job) -> None:
-        """Ask all nodes how they stand."""
+    def _mover_of(self, boxes: F64) -> Mover | None:
+        """For this attempt; None if no rule moves its cells. In a worker: a scene may have many boxes, and a rule may be a package's.
 
-        async def look(index: int, node: NodeId) -> None:
-            reply = await self._host.ask(node, JobState(job=job.id), ASK_S_MAX)
-            if not isinstance(reply, JobStateReply):
-                raise PeerFault(f"{type(reply).__name__} is no answer to JobState", where=address_of(node))
-            state = unpack_value(reply.document, what="a job's state")
-            if not isinstance(state, dict):
-                raise PeerFault("a job's state is ill-formed", where=address_of(node))
-            if state.get("failure"):
-                raise error_of(_whole(state.get("failure_reason")), str(state["failure"]), where=address_of(node))
-            hits = state.pop("hits", None)
-            if job.moves and hits is not None:
-                self._hits[index] = hits_of_bytes(hits, len(job.nodes))
-            self._states[index] = state
-
-        async with trio.open_nursery() as nursery:
-            for index, node in enumerate(job.nodes):
-                nursery.start_soon(look, index, node)
-
-    def _mover_of(self, job: Job, tables: SceneTables) -> Mover | None:
-        """None if no rule moves its cells. In a worker: a scene may have many boxes, and a rule may be a package's."""
-        rule = rule_of(self._algorithm)
-        if rule is None:
+        `boxes`: f64[m, 2, 3], the first one the job's, then those of what nodes hold.
+        """
+        rule, attempts, company = rule_of(self._algorithm), self._attempts, self._company
+        assert attempts is not None and company is not None
+        if rule is None or len(company.nodes) == 1:
             return None
-        _, _, low, high = pair_boxes(tables)
-        moves = Moves(rule, job.partition, np.stack(job_box(tables)), np.stack([low, high], axis=1))
+        moves = Moves(rule, attempts.partition, boxes[0], boxes[1:], before=self._told())
+        return Mover(moves, self._host.world.clock, self._host.world.workers, self._told, self._tell, self._left_s, self._noted_move)
 
-        async def to_all(document: dict[str, Value], timeout_s: float) -> None:
-            await self._of_all(_event(job, document), timeout_s)
-
-        return Mover(moves, self._host.world.clock, self._host.world.workers, self._told, to_all, self._left_s)
+    def _noted_move(self, partition: Partition, *, is_claimed: bool) -> None:
+        assert self._attempts is not None
+        self._attempts.newest_epoch = max(self._attempts.newest_epoch, partition.epoch)
+        if is_claimed:
+            self._attempts.partition = partition
+            self._moved += 1
 
     def _left_s(self) -> float:
         """Of the passes that are released; endless as long as none is closed."""
-        closed = self._closed_now()
-        left = self._begun_passes - self._before - closed
+        assert self._attempts is not None
+        closed = self._attempts.closed - self._attempts.base
+        left = self._begun_passes - self._attempts.closed
         return (self.now() - self._released_at) * left / closed if closed else math.inf
 
     def _told(self) -> list[Told]:
         """What all nodes have told lately; nothing as long as one has not told yet."""
-        states = [self._states.get(index, {}) for index in range(len(self._hits))]
-        if self._job is None or len(self._hits) < len(self._job.nodes):
+        company = self._company
+        if company is None or not company.hits.keys() >= set(company.nodes):
             return []
-        nothing = np.empty((0, 3), np.float32)
+        states = [company.states.get(node, {}) for node in company.nodes]
         return [
-            Told(_whole(state.get("casts")), _seconds(state.get("busy_seconds")), self._hits.get(index, nothing))
-            for index, state in enumerate(states)
+            Told(_whole(state.get("casts")), _seconds(state.get("busy_seconds")), company.hits[node])
+            for node, state in zip(company.nodes, states, strict=True)
         ]
 
-    async def _all_closed(self, job: Job) -> bool:
-        await self._look_at_nodes(job)
-        return self._closed_now() == self._begun_passes - self._before
+    async def _all_closed(self) -> bool:
+        assert self._company is not None and self._attempts is not None
+        await self._company.look()
+        return self._attempts.closed == self._begun_passes
 
-    def _closed_now(self) -> int:
-        return sum(_whole(state.get("closed")) for state in self._states.values())
-
-    async def _gather(self, job: Job) -> None:
-        """Everybody's film into ours."""
-        part = self._own_part(job.id)
-        async with trio.open_nursery() as nursery:
-            for neighbour in (part.me - 1, part.me + 1):
-                if 0 <= neighbour < len(job.nodes):
-                    nursery.start_soon(part.collect_film, neighbour)
-
-    async def _of_all(self, packet: Packet, timeout_s: float) -> None:
-        """Ask all nodes of the job; the first refusal is ours."""
-        assert self._job is not None
-
-        async def ask(node: NodeId) -> None:
-            answer = await self._host.ask(node, packet, timeout_s)
-            if not isinstance(answer, JobAnswer):
-                raise PeerFault(f"{type(answer).__name__} is no answer to {type(packet).__name__}", where=address_of(node))
-            if answer.reason:
-                raise error_of(answer.reason, answer.text, where=address_of(node))
-
-        async with trio.open_nursery() as nursery:
-            for node in self._job.nodes:
-                nursery.start_soon(ask, node)
+    async def _tell(self, document: dict[str, Value], timeout_s: float = ASK_S_MAX) -> None:
+        assert self._company is not None
+        await self._company.tell(document, timeout_s)
 
     async def _free(self) -> None:
         """Let all nodes go; one that does not answer will notice by itself that the job is over."""
         if self._job is None:
             return
-        job = self._job
+        job, lost = self._job, () if self._attempts is None else self._attempts.lost
 
         async def free(node: NodeId) -> None:
             try:
-                await self._host.ask(node, CancelJob(job=job.id), ASK_S_MAX)
+                await self._host.ask(node, CancelJob(job=job.id), LOST_S_MAX if node in lost else ASK_S_MAX)
             except ScenefoldError as error:
+                if node in lost:
+                    return
                 self._failure = self._failure or (None if self._phase == "done" else told(error))
 
         async with trio.open_nursery() as nursery:
@@ -406,8 +411,8 @@ class Organiser:
                 nursery.start_soon(free, node)
 
     def note_seconds(self, name: str, seconds: float) -> None:
-        """How long a phase took."""
-        self._seconds[name] = seconds
+        """How long a phase took, or a part of it."""
+        self._seconds[name] = self._seconds.get(name, 0.0) + seconds
 
     def now(self) -> float:
         """The node's clock."""
@@ -442,8 +447,9 @@ def _check_kept(keep: Keep, digest: bytes, numeric_class: str) -> None:
         raise LocalFault(what, where="resume", remedy=f"render with the same versions, or {_ANEW}")
 
 
-def _event(job: Job, document: dict[str, Value]) -> JobEvent:
-    return JobEvent(job=job.id, document=pack_value(document))
+def _boxes_of(tables: SceneTables) -> F64:
+    _, _, low, high = pair_boxes(tables)
+    return np.concatenate([np.stack(job_box(tables))[None], np.stack([low, high], axis=1)])
 
 
 def _image(film: Film, job: Job, box: Box) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId
@@ -47,19 +47,22 @@ def sequence_of(value: object) -> int:
 class OwnPasses:
     """One node's passes of a job, in order. Pure."""
 
-    def __init__(self, plan: PassPlan, nodes: Sequence[NodeId], me: int) -> None:
+    def __init__(self, plan: PassPlan, nodes: Sequence[NodeId], me: int, done: Collection[int] = frozenset()) -> None:
+        """`done`: passes that are closed already."""
         arcs = arcs_between(even_right_bounds(len(nodes)))
         mine = arcs[me]
-        self._waiting = [number for number in range(plan.count) if plan.location(number) in mine]
+        self._waiting = [number for number in range(plan.count) if number not in done and plan.location(number) in mine]
         self._waiting.reverse()
         self._nodes = len(nodes)
         self._open_max = PASSES_IN_FLIGHT if len(nodes) < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
         self._until = 0
         self.total = len(self._waiting)
         self.closed = 0
+        """And copied."""
+        self.opened = 0
         self.ledgers: dict[int, PassLedger] = {}
         self._untold: dict[int, int] = {}
-        """Closed passes, and how many nodes may still keep sums of them."""
+        """Closed passes, and how many nodes may still keep sums of them, or have no copy yet."""
 
     def may_open(self) -> bool:
         """Whether a pass waits and few enough are open, or still kept by others since they do not know that these are closed."""
@@ -78,15 +81,22 @@ class OwnPasses:
     def open_next(self) -> int:
         """Open the next pass; its number."""
         number = self._waiting.pop()
+        self.opened += 1
         self.ledgers[number] = PassLedger(self._nodes)
         return number
 
-    def close(self, number: int, untold: int = 0) -> None:
-        """A pass's sums are in the film. So many nodes are to be told."""
+    def close(self, number: int, untold: int = 0, *, is_copied: bool = True) -> None:
+        """A pass's sums are in the film. So many nodes are to be told; and one to keep a copy, unless `is_copied`."""
         del self.ledgers[number]
+        self.closed += is_copied
+        waiting = untold + (not is_copied)
+        if waiting:
+            self._untold[number] = waiting
+
+    def copied(self, number: int) -> None:
+        """Its keeper has a closed pass."""
         self.closed += 1
-        if untold:
-            self._untold[number] = untold
+        self.told(number)
 
     def told(self, number: int) -> None:
         """One more node knows that a pass is closed."""

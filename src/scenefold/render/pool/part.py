@@ -1,7 +1,8 @@
-"""A node's part in a job from the offer to the end: prepare, run, hand the film on, let go."""
+"""A node's part in a job from the offer to the end: prepare, trace one attempt after the other, let go."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -9,25 +10,32 @@ from typing import Any
 import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
 from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import Job
 from scenefold.render.layers import image_bytes
+from scenefold.render.pool.cell import Cell
+from scenefold.render.pool.films import Films
+from scenefold.render.pool.gathering import Gathering
+from scenefold.render.pool.hit_sample import HitSample
 from scenefold.render.pool.hold import Hold
 from scenefold.render.pool.host import Host
+from scenefold.render.pool.lasting import Lasting, MemberStatistics
 from scenefold.render.pool.levels import Gathered
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.moving import Moving
+from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
+from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
-from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet, Value
+from scenefold.wire import AcknowledgeRays, CollectPass, JobAnswer, Packet, PassCounts, PassSums, SendRays, Value
 from scenefold.world import DiskFailed, QuietLog
 
-MERGE_S_MAX = 600.0
-PART_S_MAX = 120.0
+FILMS = 3
+"""Of a node among several: its own, the copy of another's, and what comes while films are gathered."""
 IMAGE_COPIES = 3
 """Of the image, in memory at the end: its layers, each of them as bytes, and all of these together."""
 
@@ -38,13 +46,15 @@ class Phase(Enum):
     PREPARING = "preparing"
     READY = "ready"
     RUNNING = "running"
+    HELD = "held"
+    """An attempt is over, and the next one has not begun."""
     FAILED = "failed"
 
 
 class Part:
     """One node's part in one job. It needs the scene's keys while it prepares, and keeps none."""
 
-    def __init__(self, host: Host, renderer: Renderer, job: Job, quiet: QuietLog) -> None:
+    def __init__(self, host: Host, renderer: Renderer, job: Job, organiser: NodeId, quiet: QuietLog) -> None:
         if host.node_id not in job.nodes:
             raise PeerFault("this node is not among the job's")
         self.job = job
@@ -52,9 +62,17 @@ class Part:
         self.phase = Phase.PREPARING
         self.failure: Refused | None = None
         self._host, self._renderer, self._quiet = host, renderer, quiet
+        self._roster = Roster.first(job, organiser)
         self._moving = Moving(host, renderer, job, self.me)
         self._member: Member | None = None
+        self._lasting = Lasting(Films(job), MemberStatistics(), HitSample(len(job.nodes), job.seed + self.me))
+        self._turn, self._films_turn = trio.Lock(), trio.Lock()
+        self.gathering = Gathering(host, job, self._lasting.films, self._films_turn)
+        self._sent_before: dict[str, int] = {}
+        """On links of older attempts."""
         self._scope = trio.CancelScope()
+        self._tracing = trio.CancelScope()
+        self._rested, self._begun = trio.Event(), trio.Event()
         self._go = trio.Event()
         self._prepared = trio.Event()
         self._ended = trio.Event()
@@ -71,19 +89,29 @@ class Part:
                 await self._prepare()
                 await self._go.wait()
                 self.phase = Phase.RUNNING
-                assert self._member is not None
                 async with trio.open_nursery() as nursery:
                     nursery.start_soon(self._moving.run)
-                    await self._member.run()
+                    while True:
+                        await self._trace()
             except* DiskFailed:
                 raise
             except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
                 self.phase, self.failure = Phase.FAILED, failure_of(group, self.job.id, self._quiet, self._host.world.clock.now())
         self._prepared.set()
         self._member = None
+        self._rested.set()
         with trio.CancelScope(shield=True):
             await self._moving.end()
         self._ended.set()
+
+    async def _trace(self) -> None:
+        """One attempt, until another one begins."""
+        member = self._member
+        if member is not None:
+            with self._tracing:
+                await member.run()
+        self._rested.set()
+        await self._begun.wait()
 
     async def prepared(self) -> None:
         """Wait until the node holds its share; Refused if it cannot."""
@@ -126,8 +154,9 @@ class Part:
 
     async def fetch(self, partition: object) -> None:
         """Make ready to answer for another cell."""
-        self.member()
-        await self._moving.fetch(partition)
+        if self.phase is not Phase.HELD:
+            self.member()
+        await self._moving.fetch(partition, is_anew=self.phase is Phase.HELD)
 
     def claim(self, epoch: object) -> None:
         """Answer for the cell that was fetched, from now on."""
@@ -136,6 +165,110 @@ class Part:
     async def stay(self, epoch: object) -> None:
         """What was fetched will not be claimed."""
         await self._moving.forget(epoch)
+
+    # Attempts (specs/31-attempts.md) -------------------------------------------------------------------------
+
+    @property
+    def films(self) -> Films:
+        """Of this node."""
+        return self._lasting.films
+
+    def place_of(self, node: NodeId) -> int:
+        """In this attempt; Refused (16) if the node takes no part in it."""
+        place = self._roster.place(node)
+        if place is None:
+            raise Refused(RejectReason.NOT_READY, "the node takes no part in this attempt", where=address_of(node))
+        return place
+
+    async def pause(self, document: dict[str, Any], organiser: NodeId) -> None:
+        """Trace no more, and make all that is closed one film, before another attempt. PeerFault if that is none, Refused if it is an old one."""
+        roster = Roster.from_document(document, self.job, organiser, self._host.node_id)
+        gathered = _count_of(document.get("gathered"))
+        async with self._turn:
+            if roster.attempt <= self._roster.attempt or self.phase not in (Phase.RUNNING, Phase.HELD):
+                raise Refused(RejectReason.NOT_READY, "that attempt cannot begin here", where=f"attempt {roster.attempt}")
+            # From here on packets of older attempts are late.
+            self._roster = roster
+            member, self._member = self._member, None
+            if member is not None:
+                self._begun, self.phase = trio.Event(), Phase.HELD
+                self._tracing.cancel()
+                self._sent_before = self._sent(member)
+            await self._rested.wait()
+            async with self._films_turn:
+                self.films.forget_gathered(gathered)
+                await self._host.world.workers.run(FILM_LANE, self.films.adopt, roster.nodes)
+            self._moving.take_place(self.place_of(self._host.node_id), len(roster.nodes))
+        if self.failure is not None:
+            raise told(self.failure)
+
+    def begin(self, document: dict[str, Any]) -> None:
+        """Trace all but the passes that are done. PeerFault if the node was not told of that attempt, or has passes that are not done."""
+        attempt = _count_of(document.get("begin"))
+        if self.phase is not Phase.HELD or attempt != self._roster.attempt:
+            raise PeerFault("no such attempt was told of", where=f"attempt {attempt}")
+        done = passes_of(document.get("done"), self.job.plan.count)
+        if not self.films.own.passes <= done:
+            raise PeerFault("an attempt begins without passes that are done")
+        cell = self._moving.take(document.get("epoch"))
+        assert self._moving.held is not None
+        self._gathered = Gathered(self.job.window.pixels, self.job.plan.levels)
+        self._tracing, self._rested = trio.CancelScope(), trio.Event()
+        self._member = self._made(cell, self._moving.held.loaded.numbers.stride, done)
+        self.phase = Phase.RUNNING
+        self._begun.set()
+
+    async def forget_gathered(self, number: object) -> None:
+        """All films are the organiser's now."""
+        async with self._films_turn:
+            self.films.forget_gathered(_count_of(number))
+
+    def _made(self, cell: Cell, stride: int, done: Collection[int]) -> Member:
+        roster, world = self._roster, self._host.world
+        place = self.place_of(self._host.node_id)
+        member = Member(
+            self.job, roster, place, stride, cell, self._lasting, done, world, partial(self._ask, roster), partial(self._send, roster)
+        )
+        member.on_newer = partial(self._moving.claim_if_fetched, member=member)
+        return member
+
+    def _in_attempt(self, node: NodeId, attempt: int) -> tuple[Member, int]:
+        """What takes a packet of this attempt, and the place of the node that sent it. Refused (16) if it is of another one."""
+        if attempt != self._roster.attempt or self.phase is Phase.HELD:
+            self._lasting.statistics.late += attempt < self._roster.attempt
+            raise Refused(RejectReason.NOT_READY, "the packet is of another attempt", where=f"attempt {attempt}")
+        return self.member(), self.place_of(node)
+
+    def on_rays(self, node: NodeId, packet: SendRays) -> None:
+        """See `Member`; so the next four."""
+        member, place = self._in_attempt(node, packet.attempt)
+        member.on_rays(place, packet)
+
+    def on_acknowledged(self, node: NodeId, packet: AcknowledgeRays) -> None:
+        """Refused (16) if it is of another attempt."""
+        member, place = self._in_attempt(node, packet.attempt)
+        member.on_acknowledged(place, packet)
+
+    def on_counts(self, node: NodeId, packet: PassCounts) -> None:
+        """Refused (16) if it is of another attempt."""
+        member, place = self._in_attempt(node, packet.attempt)
+        member.on_counts(place, packet)
+
+    def on_closed(self, node: NodeId, document: dict[str, Any]) -> None:
+        """Refused (16) if it is of another attempt."""
+        member, place = self._in_attempt(node, _count_of(document.get("attempt")))
+        member.on_closed(place, document["closed"], document.get("link_sequence"))
+
+    async def on_collect(self, node: NodeId, packet: CollectPass) -> PassSums:
+        """Refused (16) if it is of another attempt."""
+        member, _ = self._in_attempt(node, packet.attempt)
+        return await member.on_collect(packet)
+
+    async def on_copy(self, node: NodeId, packet: PassSums) -> None:
+        """A closed pass of another node. Refused (16) if it is of another attempt: also if one begins while it waits."""
+        async with self._films_turn:
+            member, place = self._in_attempt(node, packet.attempt)
+            await member.on_copy(place, packet)
 
     def _number(self, value: object) -> int:
         try:
@@ -168,49 +301,40 @@ class Part:
                 "digest": self._digest,
                 "prepare_seconds": self._prepare_seconds,
             }
-        if self._member is not None:
-            statistics = self._member.statistics
+        member = self._member
+        if member is not None or self.phase is Phase.HELD:
+            statistics = self._lasting.statistics
             document |= {
-                "closed": self._member.closed,
-                "owned": self._member.owned,
+                "attempt": self._roster.attempt,
+                "closed": 0 if member is None else member.closed,
+                "opened": 0 if member is None else member.opened,
+                "owned": 0 if member is None else member.owned,
                 "rays": statistics.rays,
                 "casts": statistics.casts,
                 "shadow_casts": statistics.shadow_casts,
                 "rays_sent": statistics.rays_sent,
-                **self._member.link_counts,
+                **(self._sent_before if member is None else self._sent(member)),
                 "rays_received": statistics.rays_received,
                 "busy_seconds": statistics.busy_seconds,
-                "epoch": self._member.cell.partition.epoch,
+                "epoch": 0 if member is None else member.cell.partition.epoch,
+                "late": statistics.late,
+                "away": [] if member is None else [[int(self._roster.nodes[place]), words] for place, words in member.away.items()],
                 "not_finite": statistics.counters[1],
                 "clamped": statistics.counters[2],
             }
             if self.job.moves:
-                document["hits"] = self._member.hits.to_bytes()
+                document["hits"] = self._lasting.hits.to_bytes()
+            if self.phase is Phase.HELD and self.job.plan.count <= PASSES_MAX:
+                document["film"] = bits_of(self.films.own.passes, self.job.plan.count)
         return document
 
-    async def hand_film_on(self, towards: int) -> None:
-        """Merge the film of the nodes behind this one, then send the sum to its neighbour in the line.
+    async def hand_film_on(self, number: int, towards: NodeId) -> None:
+        """Gather the films of the nodes behind this one, and send the sum with ours towards the organiser, who asked for it by a neighbour."""
+        await self.gathering.hand_on(number, self._roster, self.place_of(towards))
 
-        Films are merged on their way along the line (thesis B.4.2), so that no node receives more than two.
-        """
-        member = self.member()
-        behind = 2 * self.me - towards
-        if 0 <= behind < len(self.job.nodes):
-            await self.collect_film(behind)
-        parts = list(member.film.parts())
-        for index, payload in enumerate(parts):
-            packet = FilmPart(job=self.job.id, part_index=index, part_count=len(parts), payload=payload)
-            await self._ask(towards, packet, PART_S_MAX)
-        # Of a level: what is added from now on is of the next one.
-        member.film.clear()
-
-    async def collect_film(self, neighbour: int) -> None:
-        """Ask a neighbour for its film and everything behind it; returns when it is merged into ours."""
-        await self._ask(neighbour, MergeFilm(job=self.job.id), MERGE_S_MAX)
-
-    async def merge(self, packet: FilmPart) -> None:
-        """A part of a neighbour's film."""
-        await self._host.world.workers.run(FILM_LANE, self.member().film.merge_part, packet.part_index, packet.payload)
+    async def gather(self, number: int, passes: Collection[int]) -> None:
+        """At the organiser: everybody's film into ours; `passes`: of theirs."""
+        await self.gathering.gather(number, self._roster, passes)
 
     async def _prepare(self) -> None:
         host, job = self._host, self.job
@@ -225,8 +349,7 @@ class Part:
         self._check_memory()
         held = await self._moving.open()
         self._digest = held.loaded.digest
-        self._member = member = Member(job, self.me, held.loaded.numbers.stride, held.cell, host.world, self._ask, self._send)
-        member.on_newer = partial(self._moving.claim_if_fetched, member=member)
+        self._member = self._made(held.cell, held.loaded.numbers.stride, ())
         self._prepare_seconds = host.world.clock.now() - begun
         self.phase, self._was_ready = Phase.READY, True
         self._prepared.set()
@@ -235,18 +358,30 @@ class Part:
         """LocalFault if the image alone is more than this node may hold; found out later, it would end the node."""
         job, may = self.job, self._host.memory_bytes
         pixels = job.window.pixels
-        needs = pixels * (row_bytes(job.columns) + (job.adaptive is not None)) + IMAGE_COPIES * image_bytes(job.layers, pixels)
+        films = FILMS if len(job.nodes) > 1 else 1
+        needs = pixels * (films * row_bytes(job.columns) + (job.adaptive is not None)) + IMAGE_COPIES * image_bytes(job.layers, pixels)
         if needs > may:
             raise LocalFault(
                 f"an image of {job.window.width}x{job.window.height} takes {needs >> 20} MiB of each node's memory; this one may use {may >> 20} MiB",
                 remedy="render it smaller, with fewer nodes on one machine, or give the nodes more memory",
             )
 
-    async def _ask(self, index: int, packet: Packet, timeout_s: float) -> Packet:
-        answer = await self._host.ask(self.job.nodes[index], packet, timeout_s)
+    async def _ask(self, roster: Roster, place: int, packet: Packet, timeout_s: float) -> Packet:
+        answer = await self._host.ask(roster.nodes[place], packet, timeout_s)
         if isinstance(answer, JobAnswer) and answer.reason:
-            raise error_of(answer.reason, answer.text, where=address_of(self.job.nodes[index]))
+            raise error_of(answer.reason, answer.text, where=address_of(roster.nodes[place]))
         return answer
 
-    async def _send(self, index: int, packet: Packet) -> None:
-        await self._host.send(self.job.nodes[index], packet)
+    async def _send(self, roster: Roster, place: int, packet: Packet) -> None:
+        await self._host.send(roster.nodes[place], packet)
+
+    def _sent(self, member: Member) -> dict[str, int]:
+        """On links, in all attempts."""
+        return {name: self._sent_before.get(name, 0) + count for name, count in member.link_counts.items()}
+
+
+def _count_of(value: object) -> int:
+    try:
+        return whole(value, 0, 2**63 - 1)
+    except ValueError as error:
+        raise PeerFault("a count is expected", where=f"{value!r:.40}") from error

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
-from typing import TypeVarTuple
+from typing import Any, TypeVarTuple
 
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError
+from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import node_named
 from scenefold.render.contract import Renderer, load_renderer
@@ -78,6 +79,7 @@ class RenderService:
         host.handle(AcknowledgeRays, self._on_acknowledged, nodes_only=True)
         host.handle(PassCounts, self._on_counts, nodes_only=True)
         host.handle(CollectPass, self._on_collect, nodes_only=True)
+        host.handle(PassSums, self._on_copy, nodes_only=True)
         host.handle(MergeFilm, self._on_merge, nodes_only=True)
         host.handle(FilmPart, self._on_film, nodes_only=False)
         host.handle(FetchFilm, self._on_fetch_film, nodes_only=False)
@@ -137,7 +139,7 @@ class RenderService:
         if peer.startswith("user:"):
             state = self._organiser(packet.job, peer).state()
         else:
-            part = self._part_with(packet.job, peer)
+            part, _ = self._part_with(packet.job, peer)
             if self._parts.asker(packet.job) == peer:
                 part.hold.heard()
             state = part.state()
@@ -172,12 +174,12 @@ class RenderService:
         job = Job.from_bytes(packet.document)
         if job.id != packet.job:
             raise PeerFault("a job's document is another job's")
-        index_of(job, peer)
+        organiser = node_of(job, peer)
         part = self._parts.get(job.id)
         if part is None:
             self._parts.check(peer)
             renderer = self._load()
-            part = self._parts.take(job.id, peer, lambda: Part(self._host, renderer, job, self._quiet))
+            part = self._parts.take(job.id, peer, lambda: Part(self._host, renderer, job, organiser, self._quiet))
             self._start(self._keep_part, part)
         elif part.job != job:
             raise PeerFault("there is another job of that id")
@@ -190,58 +192,53 @@ class RenderService:
             self._parts.drop(part.job.id, part)
 
     async def _on_event(self, packet: JobEvent, peer: str) -> JobAnswer:
-        part = self._part_with(packet.job, peer)
+        part, node = self._part_with(packet.job, peer)
         document = unpack_value(packet.document, what="a job's event")
-        if isinstance(document, dict) and document.get("go") is True:
-            self._check_organiser(packet.job, peer)
-            part.go(document.get("from", 0))
-        elif isinstance(document, dict) and "level" in document:
-            self._check_organiser(packet.job, peer)
-            part.on_level(document)
-        elif isinstance(document, dict) and "until" in document:
-            self._check_organiser(packet.job, peer)
-            part.release(document["until"])
-        elif isinstance(document, dict) and "fetch" in document:
+        if isinstance(document, dict) and "closed" in document:
+            part.on_closed(node, document)
+        elif isinstance(document, dict):
             self._check_organiser(packet.job, peer)
             try:
-                await part.fetch(document["fetch"])
+                await _obey(part, node, document)
             except ScenefoldError as error:
+                if "fetch" not in document:
+                    raise
                 return JobAnswer(job=packet.job, reason=int(reason_of(error)), text=words_of(error))
-        elif isinstance(document, dict) and "claim" in document:
-            self._check_organiser(packet.job, peer)
-            part.claim(document["claim"])
-        elif isinstance(document, dict) and "forget" in document:
-            self._check_organiser(packet.job, peer)
-            await part.stay(document["forget"])
-        elif isinstance(document, dict) and "closed" in document:
-            part.member().on_closed(self._index(part, peer), document["closed"], document.get("link_sequence"))
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_rays(self, packet: SendRays, peer: str) -> None:
-        part = self._part(packet.job)
-        part.member().on_rays(self._index(part, peer), packet)
+        part, node = self._part_with(packet.job, peer)
+        part.on_rays(node, packet)
 
     async def _on_acknowledged(self, packet: AcknowledgeRays, peer: str) -> None:
-        part = self._part(packet.job)
-        part.member().on_acknowledged(self._index(part, peer), packet)
+        part, node = self._part_with(packet.job, peer)
+        part.on_acknowledged(node, packet)
 
     async def _on_counts(self, packet: PassCounts, peer: str) -> None:
-        part = self._part(packet.job)
-        part.member().on_counts(self._index(part, peer), packet)
+        part, node = self._part_with(packet.job, peer)
+        part.on_counts(node, packet)
 
     async def _on_collect(self, packet: CollectPass, peer: str) -> PassSums:
-        return await self._part_with(packet.job, peer).member().on_collect(packet)
+        part, node = self._part_with(packet.job, peer)
+        return await part.on_collect(node, packet)
+
+    async def _on_copy(self, packet: PassSums, peer: str) -> JobAnswer:
+        part, node = self._part_with(packet.job, peer)
+        await part.on_copy(node, packet)
+        return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_merge(self, packet: MergeFilm, peer: str) -> JobAnswer:
-        part = self._part(packet.job)
-        await part.hand_film_on(self._index(part, peer))
+        part, node = self._part_with(packet.job, peer)
+        await part.hand_film_on(packet.gathering, node)
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     async def _on_film(self, packet: FilmPart, peer: str) -> JobAnswer:
         if peer.startswith("user:"):
             self._organiser(packet.job, peer).take_film(packet.part_index, packet.payload)
         else:
-            await self._part_with(packet.job, peer).merge(packet)
+            part, node = self._part_with(packet.job, peer)
+            part.place_of(node)
+            await part.gathering.merge(packet)
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     # Looking up ----------------------------------------------------------------------------------------------
@@ -257,11 +254,10 @@ class RenderService:
             raise Refused(RejectReason.NOT_READY, "this node takes no part in that job")
         return part
 
-    def _part_with(self, job: int, peer: str) -> Part:
-        """This node's part in a job that the peer takes part in, too: nobody else is told anything of it."""
+    def _part_with(self, job: int, peer: str) -> tuple[Part, NodeId]:
+        """This node's part in a job that the peer is of, too: nobody else is told anything of it. And which node that is."""
         part = self._part(job)
-        self._index(part, peer)
-        return part
+        return part, node_of(part.job, peer)
 
     def _check_organiser(self, job: int, peer: str) -> None:
         """Refused (12) if another node offered the job: only that one says when it begins, and ends."""
@@ -276,18 +272,37 @@ class RenderService:
         organiser.asked()
         return organiser
 
-    def _index(self, part: Part, peer: str) -> int:
-        return index_of(part.job, peer)
-
     def _start(self, function: Callable[[*_Arguments], Awaitable[object]], *args: *_Arguments) -> None:
         if self._nursery is None:
             raise Refused(RejectReason.BUSY, "this node ends just now", remedy="ask another one")
         self._nursery.start_soon(function, *args)
 
 
-def index_of(job: Job, peer: str) -> int:
-    """The peer's index among the job's nodes; Refused (12) if it is none of them."""
+async def _obey(part: Part, organiser: NodeId, document: dict[str, Any]) -> None:
+    """What the organiser says of a job."""
+    if document.get("go") is True:
+        part.go(document.get("from", 0))
+    elif "level" in document:
+        part.on_level(document)
+    elif "until" in document:
+        part.release(document["until"])
+    elif "fetch" in document:
+        await part.fetch(document["fetch"])
+    elif "claim" in document:
+        part.claim(document["claim"])
+    elif "forget" in document:
+        await part.stay(document["forget"])
+    elif "hold" in document:
+        await part.pause(document, organiser)
+    elif "begin" in document:
+        part.begin(document)
+    elif "gathered" in document:
+        await part.forget_gathered(document["gathered"])
+
+
+def node_of(job: Job, peer: str) -> NodeId:
+    """Which of the job's nodes the peer is; Refused (12) if it is none of them."""
     node = node_named(peer)
     if node is None or node not in job.nodes:
         raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} is not among the job's nodes")
-    return job.nodes.index(node)
+    return node

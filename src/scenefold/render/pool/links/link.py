@@ -15,7 +15,7 @@ from scenefold.render.ledger import Counts
 from scenefold.render.pool.links.receiver import Receiver
 from scenefold.render.pool.links.sender import GIVE_UP_S, Sender
 from scenefold.render.pool.outbox import PeerOutbox, Rays, Told
-from scenefold.wire import AcknowledgeRays, JobEvent, Packet, PassCounts, SendRays, pack_value
+from scenefold.wire import AcknowledgeRays, JobEvent, Packet, PassCounts, SendRays, Value, pack_value
 from scenefold.world import Clock
 
 
@@ -29,9 +29,12 @@ class _Sent:
 class Link:
     """To one node, and from it. From the Trio thread only."""
 
-    def __init__(self, job: Job, where: str, clock: Clock, send: Callable[[Packet], Awaitable[None]], told: Callable[[int], None]) -> None:
+    def __init__(
+        self, job: Job, attempt: int, where: str, clock: Clock, send: Callable[[Packet], Awaitable[None]], told: Callable[[int], None]
+    ) -> None:
         """`where`: the other node, for errors. `send`: may raise Unreachable. `told`: the node knows that this pass is closed."""
-        self._job, self._where, self._clock, self._send, self._told = job, where, clock, send, told
+        self._job, self._attempt, self._where = job, attempt, where
+        self._clock, self._send, self._told = clock, send, told
         self._outbox = PeerOutbox()
         self._head: Rays | Told | None = None
         """What waits for credit."""
@@ -143,7 +146,7 @@ class Link:
                 continue
             all_until, selective = self._receiver.acknowledge()
             self.acknowledgements_sent += 1
-            await self._carry(AcknowledgeRays(job=self._job.id, all_until=all_until, selective=selective))
+            await self._carry(AcknowledgeRays(job=self._job.id, attempt=self._attempt, all_until=all_until, selective=selective))
 
     async def _carry(self, packet: Packet) -> None:
         try:
@@ -160,7 +163,7 @@ class Link:
                     job=job.id,
                     frame=job.frame,
                     pass_index=what.number,
-                    attempt=0,
+                    attempt=self._attempt,
                     partition_epoch=what.epoch,
                     link_sequence=number,
                     render_location=(),
@@ -168,13 +171,14 @@ class Link:
                     rays=what.rays.tobytes(),
                 )
             case Told(counts=None):
-                return JobEvent(job=job.id, document=pack_value({"closed": what.number, "link_sequence": number}))
+                document: dict[str, Value] = {"closed": what.number, "attempt": self._attempt, "link_sequence": number}
+                return JobEvent(job=job.id, document=pack_value(document))
             case Told(counts=counts):
                 assert counts is not None
                 return PassCounts(
                     job=job.id,
                     pass_index=what.number,
-                    attempt=0,
+                    attempt=self._attempt,
                     created=counts.created,
                     retired=counts.retired,
                     sent=counts.sent,

@@ -23,11 +23,11 @@ class EmbreeScene:
 
     def tracers(self, count: int) -> list[Tracer]:
         """See `OpenScene`."""
-        return self.tracers_in(self._partition, count)
+        return self.tracers_in(self._partition, self._me, count)
 
-    def tracers_in(self, partition: Partition, count: int) -> list[Tracer]:
+    def tracers_in(self, partition: Partition, me: int, count: int) -> list[Tracer]:
         """See `MovableScene`."""
-        return [EmbreeTracer(self._held.arrays, self._geometry, self._numbers, partition, self._me) for _ in range(count)]
+        return [EmbreeTracer(self._held.arrays, self._geometry, self._numbers, partition, me) for _ in range(count)]
 
     def close(self) -> None:
         """See `OpenScene`."""

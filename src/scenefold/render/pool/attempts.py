@@ -1,0 +1,116 @@
+"""The organiser's side of attempts: films are gathered, and after a loss those that are left begin again (specs/31-attempts.md)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable, Collection
+from functools import partial
+
+from scenefold.base.errors import PeerFault, ScenefoldError
+from scenefold.base.ids import NodeId, address_of
+from scenefold.partition import Partition
+from scenefold.partition.dropped import without
+from scenefold.render.job import Job
+from scenefold.render.pool.company import Company, NodesLost, lost_of
+from scenefold.render.pool.hold import PREPARE_S_MAX
+from scenefold.render.pool.part import Part
+from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
+
+_log = logging.getLogger("scenefold.render.pool")
+
+
+class Attempts:
+    """Of one job."""
+
+    def __init__(self, job: Job, company: Company, part: Callable[[], Part], before: int) -> None:
+        """`part`: this node's own. `before`: passes below this number are in its film."""
+        self._job, self._company, self._part = job, company, part
+        self._gatherings = self._gathered = 0
+        self._cells_of = job.nodes
+        self.partition: Partition = job.partition
+        """The newest that all have claimed."""
+        self.newest_epoch = job.partition.epoch
+        """That any was told of."""
+        self.base = before
+        """Passes that were done when this attempt began."""
+        self.traced_again = 0
+        """Passes that were opened, and are not done."""
+        self.lost: list[NodeId] = []
+
+    @property
+    def closed(self) -> int:
+        """Passes that are closed, in all attempts."""
+        return self.base + self._told("closed")
+
+    async def gather(self, passes: Collection[int]) -> None:
+        """Everybody's film into ours; `passes`: all that are in any of them. NodesLost, maybe in a group."""
+        company = self._company
+        self._gatherings += 1
+        try:
+            async with company.watched():
+                await self._part().gather(self._gatherings, passes)
+        except* ScenefoldError:
+            # Of a node in the middle of the line only its neighbour knows that it is lost.
+            await company.look()
+            raise
+        self._gathered = self._gatherings
+        await company.tell({"gathered": self._gathered})
+
+    async def begin_again(self, lost: NodesLost) -> None:
+        """With those that are left, until all of them trace again. The error if that cannot be."""
+        missing: NodesLost | None = lost
+        while missing is not None:
+            missing = await or_lost(partial(self._begin, missing))
+
+    async def _begin(self, lost: NodesLost) -> None:
+        job, company = self._job, self._company
+        self._check(lost)
+        opened, base = self._told("opened"), self.base
+        company.roster = roster = company.roster.without(lost.nodes)
+        self.lost += sorted(lost.nodes)
+        words = ", ".join(map(address_of, sorted(lost.nodes)))
+        _log.warning("job %016x: lost %s (%s); %d of %d nodes go on", job.id, words, lost.error, len(roster.nodes), len(job.nodes))
+        await company.tell({**roster.document(), "gathered": self._gathered})
+        await company.look()
+        ours, theirs = self._sets(roster.organiser)
+        done = ours | theirs
+        self.base = len(done)
+        self.traced_again += max(0, opened - (len(done) - base))
+        if theirs:
+            await self.gather(theirs)
+        gone = [cell for cell, node in enumerate(self._cells_of) if node not in roster.nodes]
+        after = without(self.partition, gone, self.newest_epoch + 1)
+        self.newest_epoch = after.epoch
+        async with company.watched():
+            await company.tell({"fetch": dict(after.to_document())}, PREPARE_S_MAX)
+        await company.tell({"begin": roster.attempt, "epoch": after.epoch, "done": bits_of(done, job.plan.count)})
+        self.partition, self._cells_of = after, roster.nodes
+
+    def _sets(self, organiser: NodeId) -> tuple[frozenset[int], frozenset[int]]:
+        """The passes in our film, and in all others. PeerFault if one is in two of them."""
+        sets = {node: passes_of(self._company.states[node].get("film"), self._job.plan.count) for node in self._company.nodes}
+        ours = sets.pop(organiser)
+        theirs: frozenset[int] = frozenset().union(*sets.values())
+        if len(ours | theirs) != len(ours) + sum(map(len, sets.values())):
+            raise PeerFault("two nodes have the same pass in their films")
+        return ours, theirs
+
+    def _check(self, lost: NodesLost) -> None:
+        if self._company.roster.organiser in lost.nodes or (not self._company.roster.attempt and self._job.plan.count > PASSES_MAX):
+            raise lost.error
+
+    def _told(self, name: str) -> int:
+        counts = [self._company.states.get(node, {}).get(name) for node in self._company.nodes]
+        return sum(count for count in counts if isinstance(count, int))
+
+
+async def or_lost(do: Callable[[], Awaitable[None]]) -> NodesLost | None:
+    """Do it; who was lost meanwhile, if that is why it failed."""
+    try:
+        await do()
+    except Exception as error:
+        lost = lost_of(error)
+        if lost is None:
+            raise
+        return lost
+    return None

@@ -1,0 +1,167 @@
+"""The nodes of a job that live, as its organiser speaks to them: all at once, and it notices who is lost (specs/31-attempts.md)."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Collection
+from contextlib import asynccontextmanager
+
+import trio
+
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.plain_values import text, whole
+from scenefold.base.reasons import RejectReason
+from scenefold.render.arrays import F32
+from scenefold.render.job import Job
+from scenefold.render.pool.hit_sample import hits_of_bytes
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.roster import Roster
+from scenefold.render.pool.telling import error_of
+from scenefold.wire import JobAnswer, JobEvent, JobState, JobStateReply, Packet, Value, pack_value, unpack_value
+from scenefold.world import leaves
+
+ASK_S_MAX = 30.0
+WATCH_S = 1.0
+"""Between two looks at nodes of which something else is awaited."""
+
+
+class NodesLost(Exception):
+    """Some nodes of a job died, or might as well have. `error`: what came of asking one of them."""
+
+    def __init__(self, nodes: Collection[NodeId], error: ScenefoldError) -> None:
+        super().__init__(str(error))
+        self.nodes, self.error = frozenset(nodes), error
+
+
+class Company:
+    """Of one job."""
+
+    def __init__(self, host: Host, job: Job) -> None:
+        self._host, self._job = host, job
+        self.roster = Roster.first(job, host.node_id)
+        self.states: dict[NodeId, dict[str, Value]] = {}
+        """The newest of each node, also of those that are lost."""
+        self.hits: dict[NodeId, F32] = {}
+
+    @property
+    def nodes(self) -> tuple[NodeId, ...]:
+        """Those that take part."""
+        return self.roster.nodes
+
+    async def tell(self, document: dict[str, Value], timeout_s: float = ASK_S_MAX) -> None:
+        """An event of the job that every node must take; the first refusal is ours. NodesLost."""
+        await self.ask(JobEvent(job=self._job.id, document=pack_value(document)), timeout_s)
+
+    async def ask(self, packet: Packet, timeout_s: float) -> None:
+        """All nodes, and all must agree. NodesLost."""
+
+        lost = _Lost(self._host)
+
+        async def ask(node: NodeId) -> None:
+            answer = await lost.answer(node, packet, timeout_s)
+            if answer is None:
+                return
+            if not isinstance(answer, JobAnswer):
+                raise PeerFault(f"{type(answer).__name__} is no answer to {type(packet).__name__}", where=address_of(node))
+            if answer.reason:
+                raise error_of(answer.reason, answer.text, where=address_of(node))
+
+        async with trio.open_nursery() as nursery:
+            for node in self.nodes:
+                nursery.start_soon(ask, node)
+        lost.check()
+
+    async def look(self) -> None:
+        """How all nodes stand. What one of them failed of is raised, unless it is that another one could not be reached. NodesLost."""
+        lost = _Lost(self._host)
+
+        async def look(node: NodeId) -> None:
+            reply = await lost.answer(node, JobState(job=self._job.id), ASK_S_MAX)
+            if reply is None:
+                return
+            if not isinstance(reply, JobStateReply):
+                raise PeerFault(f"{type(reply).__name__} is no answer to JobState", where=address_of(node))
+            state = unpack_value(reply.document, what="a job's state")
+            if not isinstance(state, dict):
+                raise PeerFault("a job's state is ill-formed", where=address_of(node))
+            if state.get("failure"):
+                reason = state.get("failure_reason")
+                lost.note(node, error_of(reason if isinstance(reason, int) else 0, str(state["failure"]), where=address_of(node)))
+                return
+            for other, words in _away(state.pop("away", [])):
+                # One of the two must go, and the organiser cannot.
+                gone = node if other == self.roster.organiser else other
+                if gone in self.nodes:
+                    lost.note(gone, Unreachable(words, where=address_of(node)))
+            hits = state.pop("hits", None)
+            if self._job.moves and hits is not None:
+                self.hits[node] = hits_of_bytes(hits, len(self._job.nodes))
+            self.states[node] = state
+
+        async with trio.open_nursery() as nursery:
+            for node in self.nodes:
+                nursery.start_soon(look, node)
+        lost.check()
+
+    @asynccontextmanager
+    async def watched(self) -> AsyncIterator[None]:
+        """While something is awaited that a lost node might keep us waiting for. NodesLost, as a group."""
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(self._watch)
+            yield
+            nursery.cancel_scope.cancel()
+
+    async def _watch(self) -> None:
+        while True:
+            await self._host.world.clock.sleep(WATCH_S)
+            await self.look()
+
+
+def lost_of(error: BaseException) -> NodesLost | None:
+    """Who was lost, if nothing else happened: what failed because of them is no other error. None else."""
+    found = list(leaves(error)) if isinstance(error, BaseExceptionGroup) else [error]
+    lost = [one for one in found if isinstance(one, NodesLost)]
+    if not lost or not all(isinstance(one, NodesLost) or _is_away(one) for one in found):
+        return None
+    return NodesLost({node for one in lost for node in one.nodes}, lost[0].error)
+
+
+def _is_away(error: BaseException) -> bool:
+    return isinstance(error, Unreachable) or (isinstance(error, Refused) and error.reason is RejectReason.NOT_READY)
+
+
+def _away(rows: object) -> list[tuple[NodeId, str]]:
+    """Whom a node cannot reach, as it tells it. PeerFault if that is ill-formed."""
+    try:
+        if not isinstance(rows, list):
+            raise TypeError("a list is expected")
+        return [(NodeId(whole(node, 0, 2**32 - 1)), text(words)) for node, words in rows]
+    except (TypeError, ValueError) as error:
+        raise PeerFault("a job's state is ill-formed", where=f"away: {error}") from error
+
+
+class _Lost:
+    """Who was lost when all were asked at once."""
+
+    def __init__(self, host: Host) -> None:
+        self._host = host
+        self._errors: dict[NodeId, ScenefoldError] = {}
+
+    async def answer(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet | None:
+        """None of a node that is lost."""
+        try:
+            return await self._host.ask(node, packet, timeout_s)
+        except ScenefoldError as error:
+            self.note(node, error)
+            return None
+
+    def note(self, node: NodeId, error: ScenefoldError) -> None:
+        """What does not say that the node is lost is raised."""
+        if not _is_away(error):
+            raise error
+        self._errors[node] = error
+
+    def check(self) -> None:
+        """NodesLost if somebody was."""
+        if self._errors:
+            raise NodesLost(self._errors, next(iter(self._errors.values())))

@@ -1,0 +1,106 @@
+"""The films of one node in one job: its own, the copy of another's, and what comes while films are gathered (specs/31-attempts.md).
+
+Each is the sum of the passes of its set, which changes with it in one step. Nothing here waits; callers see to it that one thing at a time
+happens to each film. Adding takes long, so that is done in workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
+from scenefold.render.film import Film, GoesOn
+from scenefold.render.job import Job
+from scenefold.render.pass_sums import PassSums
+
+
+class Summed:
+    """A film, and the set of its passes."""
+
+    def __init__(self, job: Job) -> None:
+        self.film = Film(job.window.width, job.window.height, job.columns)
+        self.passes: set[int] = set()
+
+    def add(self, number: int, sums: PassSums, first_path: int, stride: int, goes_on: GoesOn) -> None:
+        """A closed pass, with all of its sums; once, however often it is said."""
+        if number not in self.passes:
+            self.film.add(sums, first_path, stride, goes_on)
+            self.passes.add(number)
+
+    def merge(self, other: Summed) -> None:
+        """Another film, of other passes. PeerFault if they are not."""
+        if not self.passes.isdisjoint(other.passes):
+            raise PeerFault("passes would count twice")
+        self.film.merge(other.film)
+        self.passes |= other.passes
+
+    def clear(self) -> None:
+        """It is part of another film now."""
+        self.film.clear()
+        self.passes.clear()
+
+
+class Films:
+    """Of one node. Kept from one attempt to the next."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self.own = Summed(job)
+        self._copies: dict[NodeId, Summed] = {}
+        self._coming: Film | None = None
+        self._gathering = 0
+        self._gathered = 0
+
+    def copy_of(self, node: NodeId) -> Summed:
+        """The copy of a node's film that is kept here; empty as long as nothing of it is."""
+        return self._copies.setdefault(node, Summed(self._job))
+
+    def adopt(self, roster: Collection[NodeId]) -> None:
+        """The copies of those that take no part any more are ours."""
+        for node in [node for node in self._copies if node not in roster]:
+            self.own.merge(self._copies.pop(node))
+
+    # Gathering -----------------------------------------------------------------------------------------------
+
+    def begin(self, gathering: int) -> None:
+        """What others send from now on counts for this gathering. Refused if there is a later one."""
+        self._check(gathering)
+        if gathering > self._gathering:
+            self._gathering, self._coming = gathering, None
+
+    def merge_part(self, gathering: int, index: int, payload: bytes) -> None:
+        """A part of a film that is gathered. Refused if it is of an older gathering; PeerFault if it does not fit."""
+        self._check(gathering)
+        if self._coming is None:
+            self._coming = Film(self._job.window.width, self._job.window.height, self._job.columns)
+        self._coming.merge_part(index, payload)
+
+    def part(self, index: int) -> bytes:
+        """Of all that is gathered here, and of our own, which stays."""
+        return self.own.film.part(index, self._coming)
+
+    @property
+    def part_count(self) -> int:
+        """Of each film."""
+        return self.own.film.part_count
+
+    def take_gathered(self, passes: Collection[int]) -> None:
+        """At the organiser: all has come, of these passes beside our own. It is in our film now, and counts no more beside it."""
+        if self._coming is not None:
+            self.own.film.merge(self._coming)
+        self.own.passes |= set(passes)
+        self._coming, self._gathered = None, self._gathering
+        self._copies.clear()
+
+    def forget_gathered(self, gathering: int) -> None:
+        """At the others: all films are the organiser's, by the gathering of a number."""
+        if gathering > self._gathered:
+            self._gathered, self._coming = gathering, None
+            self.own.clear()
+            self._copies.clear()
+
+    def _check(self, gathering: int) -> None:
+        if gathering < self._gathering or gathering <= self._gathered:
+            raise Refused(RejectReason.NOT_READY, "that film is of an older gathering")

@@ -1,0 +1,69 @@
+"""A node's side of a gathering: films go along the line to the organiser, and are added up on the way (specs/31-attempts.md).
+
+So no node receives more than two (thesis B.4.2). Nobody's own film changes before all have come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import trio
+
+from scenefold.base.ids import address_of
+from scenefold.render.job import Job
+from scenefold.render.pool.films import Films
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.roster import Roster
+from scenefold.render.pool.share import FILM_LANE
+from scenefold.render.pool.telling import error_of
+from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet
+
+MERGE_S_MAX = 600.0
+PART_S_MAX = 120.0
+
+
+class Gathering:
+    """Of one part."""
+
+    def __init__(self, host: Host, job: Job, films: Films, turn: trio.Lock) -> None:
+        """`turn`: of whoever changes a film."""
+        self._host, self._job, self._films, self._turn = host, job, films, turn
+
+    async def hand_on(self, number: int, roster: Roster, towards: int) -> None:
+        """What the nodes behind this one have, and this one, to the neighbour at a place."""
+        place = roster.nodes.index(self._host.node_id)
+        self._films.begin(number)
+        behind = 2 * place - towards
+        if 0 <= behind < len(roster.nodes):
+            await self._collect(number, roster, behind)
+        count = self._films.part_count
+        for index in range(count):
+            async with self._turn:
+                payload = await self._host.world.workers.run(FILM_LANE, self._films.part, index)
+            packet = FilmPart(job=self._job.id, gathering=number, part_index=index, part_count=count, payload=payload)
+            await self._ask(roster, towards, packet, PART_S_MAX)
+
+    async def gather(self, number: int, roster: Roster, passes: Collection[int]) -> None:
+        """Both neighbours' films, and all behind them, into ours; `passes`: that are summed in them."""
+        place = roster.nodes.index(self._host.node_id)
+        self._films.begin(number)
+        async with trio.open_nursery() as nursery:
+            for neighbour in (place - 1, place + 1):
+                if 0 <= neighbour < len(roster.nodes):
+                    nursery.start_soon(self._collect, number, roster, neighbour)
+        with trio.CancelScope(shield=True):
+            async with self._turn:
+                await self._host.world.workers.run(FILM_LANE, self._films.take_gathered, passes)
+
+    async def merge(self, packet: FilmPart) -> None:
+        """A part of a neighbour's film. Refused if it is of an older gathering."""
+        async with self._turn:
+            await self._host.world.workers.run(FILM_LANE, self._films.merge_part, packet.gathering, packet.part_index, packet.payload)
+
+    async def _collect(self, number: int, roster: Roster, place: int) -> None:
+        await self._ask(roster, place, MergeFilm(job=self._job.id, gathering=number), MERGE_S_MAX)
+
+    async def _ask(self, roster: Roster, place: int, packet: Packet, timeout_s: float) -> None:
+        answer = await self._host.ask(roster.nodes[place], packet, timeout_s)
+        if isinstance(answer, JobAnswer) and answer.reason:
+            raise error_of(answer.reason, answer.text, where=address_of(roster.nodes[place]))
