@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import cast
+
 import numpy as np
 import pytest
+import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, UsageFault
 from scenefold.base.rays import RAY_WORDS
@@ -12,8 +16,12 @@ from scenefold.partition.registry import BUILT_IN
 from scenefold.partition.rules import Measured
 from scenefold.render.algorithms import ALGORITHMS, RESTING, check_algorithm, rule_of
 from scenefold.render.pool.hit_sample import KEPT_LEAST, KEPT_OF_ALL, HitSample, hits_of_bytes, kept_of
+from scenefold.render.pool.mover import Mover
 from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.work import WorkQueue
+from scenefold.world import Clock, Workers
+from unit.inline_workers import InlineWorkers
+from unit.peer.balance.street import TrioClock
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 FRAME = camera_frame([0, 0, 0], [0, 0, -1], [0, 1, 0])
@@ -30,6 +38,41 @@ def test_rounds_double_and_are_counted_from_the_last_move() -> None:
     assert not moves.is_due([_told(99, 1.0)]) and moves.is_due([_told(100, 1.0)])
     assert moves.next([_told(150, 1.0)]) is cells
     assert not moves.is_due([_told(349, 1.0)]) and moves.is_due([_told(350, 1.0)])
+
+
+def test_what_better_cells_could_save_is_the_lead_of_the_busiest_since_the_last_move() -> None:
+    moves = Moves(lambda partition, _measured, _damping: partition, Partition.boxes([]), BOX, NOWHERE, first_rays=1)
+    assert moves.idle_share([_told(0, 0.0), _told(0, 0.0)]) == 0.0
+    assert moves.idle_share([_told(9, 1.0), _told(9, 4.0)]) == 1 - 2.5 / 4
+    moves = Moves(moves._rule, Partition.voronoi([[0, 0, 0], [1, 0, 0]]), BOX, NOWHERE, before=[_told(9, 1.0), _told(9, 4.0)])
+    assert moves.idle_share([_told(9, 2.0), _told(9, 5.0)]) == 0.0
+    assert moves.idle_share([_told(9, 2.0), _told(9, 4.0)]) == 0.5
+
+
+@pytest.mark.parametrize(("left_s", "lead", "moved"), [(1000.0, 0.25, 2), (30.0, 0.25, 1), (1000.0, 0.0, 1)])
+async def test_cells_stay_where_a_move_would_cost_more_than_it_wins(
+    autojump_clock: trio.testing.MockClock, left_s: float, lead: float, moved: int
+) -> None:
+    """A move takes 10 s; one of two nodes works longer than the other one by so much of that one's time."""
+    claimed: list[object] = []
+
+    def told() -> list[Told]:
+        now = trio.current_time()
+        return [_told(int(now * 1e9), now), _told(int(now * 1e9), now * (1 + lead))]
+
+    async def to_all(event: Mapping[str, object], _limit: float) -> None:
+        await trio.sleep(5.0)
+        claimed.extend([event["claim"]] if "claim" in event else [])
+
+    def rule(partition: Partition, _measured: Measured, _damping: float) -> Partition:
+        return Partition.voronoi([[0, 0, 0], [2 + partition.epoch, 0, 0]])
+
+    moves = Moves(rule, Partition.voronoi([[0, 0, 0], [1, 0, 0]]), BOX, NOWHERE, first_rays=1)
+    clock = cast(Clock, TrioClock())
+    mover = Mover(moves, clock, cast(Workers, InlineWorkers()), told, to_all, lambda: left_s, lambda _after, *, is_claimed: None)
+    with trio.move_on_after(120.0):
+        await mover.run()
+    assert len(claimed) == moved
 
 
 def test_hits_weigh_what_their_node_spends_on_one_and_loads_are_those_of_the_round() -> None:

@@ -18,8 +18,8 @@ LOOK_S = 0.2
 CLAIM_S_MAX = 30.0
 REST = 8.0
 """After a move cells stay for so many times as long as it took: loading what they lack costs the nodes a part of their time, no more."""
-WORTH = 4.0
-"""What is left of the level takes so many times as long as a move, or cells stay: there would be no time to win back what it costs."""
+WORTH = 2.0
+"""Cells stay unless the busiest node's lead, over what is left of the level, is so many times as long as the last move took: else it costs more than it wins."""
 
 _log = logging.getLogger("scenefold.render.pool")
 
@@ -57,7 +57,7 @@ class Mover:
         while True:
             await self._clock.sleep(max(LOOK_S, REST * self._took_s))
             told = self._told()
-            if not told or not self._moves.is_due(told) or self._left_s() < WORTH * self._took_s:
+            if not told or not self._moves.is_due(told) or not self._is_worth(told):
                 continue
             try:
                 after = await self._workers.run(FILM_LANE, self._moves.next, told)
@@ -74,6 +74,9 @@ class Mover:
             self._moves.partition = after
             self._took_s = self._clock.now() - begun
             self._noted(after, is_claimed=True)
+
+    def _is_worth(self, told: Sequence[Told]) -> bool:
+        return self._left_s() * self._moves.idle_share(told) >= WORTH * self._took_s
 
     async def _fetched(self, after: Partition) -> bool:
         refused = ""

@@ -46,6 +46,11 @@ class Moves:
         """Whether the round is over."""
         return sum(one.casts for one in told) - self._casts >= rays_of_round(self._rounds, ROUND_RAYS_MAX, self._first_rays)
 
+    def idle_share(self, told: Sequence[Told]) -> float:
+        """Of the time since the last move, what an average node waited for the busiest one: so much of the rest better cells could save."""
+        loads = np.maximum(np.array([one.busy_seconds for one in told]) - self._busy, 0.0)
+        return float(1.0 - loads.mean() / loads.max()) if loads.any() else 0.0
+
     def next(self, told: Sequence[Told]) -> Partition:
         """What the rule says after a round, in the next epoch; the partition itself if nothing is to move. LocalFault if it is for other nodes."""
         casts, busy = sum(one.casts for one in told), np.array([one.busy_seconds for one in told])
