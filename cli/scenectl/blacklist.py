@@ -177,6 +177,8 @@ def _show_changed(address: str, found: Blacklist, others: Sequence[str], output:
             f"{_so_many(allowed, 'There can')}: where a space needs more before a write counts, writes to what it owns are refused; "
             "where one has more, copies that nobody else may hold are missing. `scenectl cluster health` tells which."
         )
+    if forbidden and not allowed:
+        lines.append("In half a minute what it owns begins to move to a neighbour, unless something is taken off again.")
     emit(output, document, "\n".join(lines))
 
 
@@ -191,6 +193,8 @@ def _show_plan(address: str, planned: Blacklist, others: Sequence[str], output: 
         + (f", and not on {', '.join(forbidden)}." if forbidden else "."),
         f"{_so_many(allowed, 'So there could')}: where a space needs more before a write counts, writes to what it owns would be refused.",
     ]
+    if forbidden and not allowed:
+        lines.append("Half a minute later what it owns would begin to move to a neighbour.")
     emit(output, document, "\n".join(lines))
 
 

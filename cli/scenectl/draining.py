@@ -58,6 +58,8 @@ def plan_text(address: str, report: DrainReport) -> str:
         return f"Node {address} would refuse: {report.cannot_leave}."
     state = "is on its way out already, and still has" if report.state == "draining" else "would hand over what it owns of"
     text = f"Node {address} {state} {report.records:,} records, {size_text(report.bytes)}, copies among them. Nothing is changed."
+    if report.state == "serving" and report.text:
+        text += f"\nIt would give nothing to a neighbour: {report.text}."
     if report.room_bytes is None:
         return text
     if report.room_bytes >= report.bytes:

@@ -123,10 +123,7 @@ class PeerServices:
         self._arriving = Arriving(line.parts, scenes, lease.held)
         data = DataService(world, store, peers, scenes, line, lease, routing, me, self._replication.spreading, self._replication.recovering)
         enrolment = Enrolment(world, store, cluster_log, lease, own)
-        needed = self._replication.placing.largest_needed
-        balancer = Balancer(
-            world, store, line, roster, cluster_log, own, line.parts.resting, gaps, is_off=not settings.balance, needed=needed
-        )
+        balancer = Balancer(world, store, line, roster, cluster_log, own, line.parts.resting, gaps, is_off=not settings.balance)
         keeper = line.parts.keeper
         self._recovers = Recovering(world.clock, lambda: bool(keeper.copies.unrecovered))
         self._load = OwnLoad(
@@ -138,7 +135,7 @@ class PeerServices:
             lambda: bool(line.refuses),
             self._recovers,
         )
-        sharing = Sharing(store, line, cluster_log, own, roster, gaps, needed)
+        sharing = Sharing(store, line, cluster_log, own, roster, gaps)
         joining = Joining(world, line, roster, routing, cluster_log, peers, own, place=settings.join_place)
         draining = Draining(
             world,
@@ -152,7 +149,6 @@ class PeerServices:
             may_order=may_order,
             lies_elsewhere=partial(lies_with_all_others, line.parts),
             close=partial(setattr, line.parts.keeping, "closed"),
-            needed=needed,
         )
         scrub = Scrub(world.clock, store, Pace(settings.scrub_days, settings.scrub_bytes_per_s))
         upkeep = OwnUpkeep(store, line.parts.resting, line.parts.budget, scrub, may_order=may_order)

@@ -80,7 +80,7 @@ def _locked(path: Path, *, only_read: bool) -> tuple[int, bool, bool]:
             if not is_writable or _is_still(path, file):
                 return file, is_writable, is_new
         except BlockingIOError:
-            holder = os.pread(file, PID_BYTES_MAX, 0).decode("ascii", "replace").strip() or "unknown"
+            holder = _written_in(file) or "unknown"
             os.close(file)
             what, remedy = f"the data folder is in use by process {holder}", "stop that process, or choose another folder"
             raise LocalFault(what, where=str(path.parent), remedy=remedy) from None
@@ -89,6 +89,14 @@ def _locked(path: Path, *, only_read: bool) -> tuple[int, bool, bool]:
             raise
         # Who looked has removed it between our opening and locking it.
         os.close(file)
+
+
+def _written_in(file: int) -> str:
+    """Nothing if it is the folder itself, which stands for a lock file that cannot be made."""
+    try:
+        return os.pread(file, PID_BYTES_MAX, 0).decode("ascii", "replace").strip()
+    except IsADirectoryError:
+        return ""
 
 
 def _is_still(path: Path, file: int) -> bool:

@@ -175,3 +175,13 @@ async def test_tables_that_an_earlier_version_did_not_have_are_empty(tmp_path: P
     with looked_at(tmp_path, TABLES) as view:
         assert check_store(view).is_sound
         assert view.get(STATISTICS, b"x") is None and view.first(STATISTICS, b"", b"\xff") is None
+
+
+async def test_two_that_look_at_a_folder_without_a_lock_file_that_cannot_be_written(tmp_path: Path) -> None:
+    await filled(tmp_path)
+    with only_readable(tmp_path):
+        first = FolderLock(tmp_path, only_read=True)
+        with pytest.raises(LocalFault, match="in use by process unknown"):
+            FolderLock(tmp_path, only_read=True)
+        first.release()
+        FolderLock(tmp_path, only_read=True).release()

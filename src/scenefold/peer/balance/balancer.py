@@ -8,8 +8,8 @@ refused. It can be paused, and says what it did.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import trio
@@ -17,9 +17,9 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
-from scenefold.peer.balance.barred import Barred
+from scenefold.peer.balance.barred import BARRED_REST_S, Barred
 from scenefold.peer.balance.news import News
-from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, all_but_one, piece_of
+from scenefold.peer.balance.pieces import PIECE_BYTES_MAX, Piece, Scales, all_but_one, one_at, piece_of
 from scenefold.peer.balance.policy import BYTES_MIN, Give, NodeFill, gives, the_rest
 from scenefold.peer.balance.seams import HasRegistry, MovesBounds, fill_of
 from scenefold.peer.line.ends import Side
@@ -78,12 +78,8 @@ class Balancer:
         gaps: Gaps,
         *,
         is_off: bool = False,
-        needed: Callable[[], int] = lambda: 1,
     ) -> None:
-        """`resting`: whether it is paused. `gaps`: what of the line has no owner. `is_off`: it gives nothing as long as this process runs, whatever `resting` says.
-
-        `needed`: how many nodes must have a record before a write counts, in the most demanding of all known spaces.
-        """
+        """`resting`: whether it is paused. `gaps`: what of the line has no owner. `is_off`: it gives nothing as long as this process runs, whatever `resting` says."""
         self._world = world
         self._store = store
         self._line = line
@@ -93,7 +89,8 @@ class Balancer:
         self._resting = resting
         self._gaps = gaps
         self._is_off = is_off
-        self._barred = Barred(roster, log, own, needed)
+        self._barred = Barred(roster, log, own)
+        self._barred_since: float | None = None
         self.given = Given()
         self._news = News(own.me, RELAY_S)
         self._sides = {side: _SideState() for side in Side}
@@ -140,14 +137,29 @@ class Balancer:
         if self._own.me in waiting:
             return []
         barred = self._barred.now()
-        fills = [self._fill(node, now, may_take=node not in waiting) for node in nodes]
-        fills = [replace(fill, capacity=0) if node in barred else fill for node, fill in zip(nodes, fills, strict=True)]
-        self._wanted = gives(fills, me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
-        if not self._wanted and self._own.me in barred and self._line.arc.length > 1:
-            self._wanted = the_rest(fills, me)
+        fills = [self._fill(node, now, may_take=node not in waiting and node not in barred) for node in nodes]
+        if self._own.me in barred:
+            self._wanted = await self._all(self._line.arc, fills, me, now)
+        else:
+            self._barred_since = None
+            self._wanted = gives(fills, me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
         if self._is_paused() or self._line.refuses:
             return []
         return [give for give in self._wanted if self._may(give.side, now)]
+
+    async def _all(self, arc: Arc, fills: Sequence[NodeFill], me: int, now: float) -> list[Give]:
+        """What goes to one neighbour, since this node shall own nothing: the one location that it keeps at last holds no record, if possible."""
+        if self._barred_since is None:
+            self._barred_since = now
+        if now - self._barred_since < BARRED_REST_S:
+            return []
+        for give in (found := the_rest(fills, me)):
+            kept = one_at(arc, give.side.opposite)
+            if kept is None:
+                return []
+            if not (await self._store.arc_totals(kept)).records:
+                return [give]
+        return found[:1]
 
     def _beside_gaps(self, nodes: tuple[NodeId, ...]) -> frozenset[NodeId]:
         """Who stands where nobody owns the line any more: one of them is about to adopt that, and has more than it seems."""
@@ -218,7 +230,7 @@ class Balancer:
                 return
             why = f"balance: {give.bytes} bytes too many on this side of the bound"
             if give.is_rest:
-                why = "the blacklist of its owner leaves it too few holders of copies"
+                why = "the blacklist of its owner allows no other node to hold copies"
             await self._line.give(give.side, piece.arc, why=why)
         except (Refused, Unreachable, PeerFault) as problem:
             self._stay_away(give.side, problem)

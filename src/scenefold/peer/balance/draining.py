@@ -81,13 +81,10 @@ class Draining:
         may_order: Callable[[str], bool] = lambda _user: True,
         lies_elsewhere: Callable[[], Awaitable[bool]] = _never,
         close: Callable[[bool], None] = _ignored,
-        needed: Callable[[], int] = lambda: 1,
     ) -> None:
         """`decides`: scenes whose log this node decides. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may.
 
-        `close`: take no copies any more, or take them again. `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over.
-        `needed`: how many nodes must have a record before a write counts, in the most demanding of all known spaces.
-        """
+        `close`: take no copies any more, or take them again. `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over."""
         self._world = world
         self._store = store
         self._line = line
@@ -104,7 +101,7 @@ class Draining:
         self._request: bytes | None = None
         self._begun: tuple[float, int] | None = None
         self._waits_for = ""
-        self._takers = Takers(world, line, roster, log, own, needed)
+        self._takers = Takers(world, line, roster, log, own)
         self._quiet = QuietLog(_log, logging.INFO)
 
     def register(self, handlers: Handlers) -> None:
@@ -164,7 +161,7 @@ class Draining:
         """How far it is, and what stands in the way of switching the node off now."""
         statistics = await self._store.statistics()
         obstacles, never = await self._obstacles(), self._why_never()
-        removal = self._log.registry.removal(self._own.incarnation)
+        removal, is_member = self._log.registry.removal(self._own.incarnation), self._log.registry.is_current(self._own.member)
         has_left = removal is not None and removal.reason == DRAINED
         state = "left" if has_left else "draining" if self._ordered.is_set() else "serving"
         return {
@@ -174,9 +171,9 @@ class Draining:
             "seconds_left": self._seconds_left(statistics.bytes),
             "may_switch_off": not obstacles,
             "obstacles": obstacles,
-            "text": self._waits_for,
+            "text": self._waits_for if self._ordered.is_set() else self._takers.why_barred() if is_member else "",
             "cannot_leave": "" if never is None else never.what,
-            "room_bytes": self._takers.room_bytes() if self._log.registry.is_current(self._own.member) else 0,
+            "room_bytes": self._takers.room_bytes() if is_member else 0,
         }
 
     def _seconds_left(self, left: int) -> float | None:

@@ -39,10 +39,7 @@ FILL_MAX = 0.9
 
 @dataclass(frozen=True, slots=True)
 class NodeFill:
-    """How full a node is, as far as is known here. `open`: it is heard, its fill is known, and it would take a piece.
-
-    A capacity of 0: it shall own nothing, so it is given nothing, and gives what it has.
-    """
+    """How full a node is, as far as is known here. `open`: it is heard, its fill is known, and it would take a piece."""
 
     used: int
     capacity: int
@@ -94,11 +91,11 @@ def gives(line: Sequence[NodeFill], me: int, changes: Sequence[int] = ()) -> lis
 
 
 def the_rest(line: Sequence[NodeFill], me: int) -> list[Give]:
-    """What goes beside all flows from who shall own nothing: what it has still, to the neighbour with more room; nothing if it fits nowhere."""
+    """What goes from who shall own nothing: what it has, to either open neighbour that has room; the one with more room first."""
     first, last = piece_around(line, me)
     rooms = {side: _room(line[at]) for side, at in ((Side.LEFT, me - 1), (Side.RIGHT, me + 1)) if first <= at <= last}
-    side = max(rooms, key=lambda side: rooms[side], default=None)
-    return [] if side is None or rooms[side] < line[me].used else [Give(side, line[me].used, is_rest=True)]
+    sides = sorted((side for side, room in rooms.items() if room >= BYTES_MIN), key=lambda side: -rooms[side])
+    return [Give(side, int(min(line[me].used, rooms[side])), is_rest=True) for side in sides]
 
 
 def flow(piece: Sequence[NodeFill], bound: int) -> float:

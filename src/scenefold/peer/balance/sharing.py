@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import trio
@@ -37,23 +36,13 @@ class _Promise:
 class Sharing:
     """Answers AskRange, and gives what it promised, one piece at a time."""
 
-    def __init__(
-        self,
-        store: Scales,
-        line: MovesBounds,
-        log: HasRegistry,
-        own: OwnStatus,
-        roster: Roster,
-        gaps: Gaps,
-        needed: Callable[[], int] = lambda: 1,
-    ) -> None:
-        """`needed`: how many nodes must have a record before a write counts, in the most demanding of all known spaces."""
+    def __init__(self, store: Scales, line: MovesBounds, log: HasRegistry, own: OwnStatus, roster: Roster, gaps: Gaps) -> None:
         self._store = store
         self._line = line
         self._log = log
         self._own = own
         self._roster = roster
-        self._barred = Barred(roster, log, own, needed)
+        self._barred = Barred(roster, log, own)
         self._gaps = gaps
         self._promised, self._promises = trio.open_memory_channel[_Promise](1)
         self._giving_to: NodeId | None = None

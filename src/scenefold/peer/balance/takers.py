@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from scenefold.base.ids import NodeId, address_of
 from scenefold.peer.balance.barred import Barred
 from scenefold.peer.balance.emptying import room_of
@@ -20,15 +18,13 @@ REFUSED_S = 5.0
 class Takers:
     """The neighbours of one node, by their statuses and by what was sent to them since."""
 
-    def __init__(
-        self, world: World, line: MovesBounds, roster: Roster, log: HasRegistry, own: OwnStatus, needed: Callable[[], int]
-    ) -> None:
+    def __init__(self, world: World, line: MovesBounds, roster: Roster, log: HasRegistry, own: OwnStatus) -> None:
         self._world = world
         self._line = line
         self._roster = roster
         self._log = log
         self._own = own
-        self._barred = Barred(roster, log, own, needed)
+        self._barred = Barred(roster, log, own)
         self._refused: dict[Side, tuple[float, str]] = {}
         """Until when a neighbour is left alone, and what it said."""
         self._sent_since: dict[NodeId, tuple[int, int]] = {}
@@ -39,7 +35,8 @@ class Takers:
 
     def room_bytes(self) -> int:
         """What those that are heard have room for together, whether or not they could take something at this moment."""
-        nodes = [node for side in Side if (node := self._neighbour(side)) is not None and self._roster.is_believed_alive(node)]
+        beside = [node for side in Side if (node := self._neighbour(side)) is not None]
+        nodes = [node for node in beside if self._roster.is_believed_alive(node) and not self._is_barred(node)]
         statuses = [status for node in nodes if (status := self._roster.status(node)) is not None]
         return sum(max(0, room_of(*fill_of(status))) for status in statuses)
 
@@ -51,6 +48,11 @@ class Takers:
             if node is not None:
                 found.append(self._why_unasked(side, node) or f"{address_of(node)} has no room for what lies here")
         return "; ".join(found) or "there is no neighbour that could take what lies here"
+
+    def why_barred(self) -> str:
+        """Which neighbours would never take anything as things are, for people; empty if all would."""
+        nodes = [self._neighbour(side) for side in Side]
+        return "; ".join(_why_barred(node) for node in nodes if node is not None and self._is_barred(node))
 
     def refused(self, side: Side, text: str) -> None:
         """The neighbour on that side has refused a piece, or fell silent."""
@@ -82,12 +84,20 @@ class Takers:
             return f"{address_of(node)} does not answer"
         if fill_of(status)[1] == 0:
             return f"{address_of(node)} still finds out what lies in its part of the line"
-        if node in self._barred.now(without=self._own.me) and self._own.me not in self._barred.now():
-            at = address_of(node)
-            return f"the blacklist of {at} leaves it too few holders of copies: take something off it (`scenectl node blacklist rm`), or add nodes"
+        if self._is_barred(node):
+            return _why_barred(node)
         until, text = self._refused.get(side, (0.0, ""))
         return text if self._world.clock.now() < until else ""
+
+    def _is_barred(self, node: NodeId) -> bool:
+        """Whether it could write nothing of this node's, once that is gone; no matter if this one cannot either."""
+        return node in self._barred.now(without=self._own.me) and self._own.me not in self._barred.now()
 
     def _neighbour(self, side: Side) -> NodeId | None:
         left, right = self._log.registry.neighbours(self._own.me)
         return left if side is Side.LEFT else right
+
+
+def _why_barred(node: NodeId) -> str:
+    at = address_of(node)
+    return f"the blacklist of {at} allows no other node to hold copies: take something off it (`scenectl node blacklist rm`)"

@@ -87,10 +87,6 @@ class Placing:
         """How many nodes must have a record of the space before a write counts, the owner among them."""
         return min(scene.needed.get(space, 1), max(1, len(self._parts.cluster_log.registry.order)))
 
-    def largest_needed(self) -> int:
-        """The same of the most demanding of all known spaces."""
-        return max(self._most.values(), default=1)
-
     def segment_of(self, scene: KnownScene, space: SpaceId, home: Location) -> Segment | None:
         """Who holds copies of a place of the space; None if it has none, or nobody was placed yet."""
         layout = self.layout_of(scene, space)

@@ -85,8 +85,8 @@ class House:
         store, line, roster, log = cast(Any, self), self, cast(Any, self), street
         self.resting = Resting()
         gaps = Gaps(self.world.clock, roster)
-        self.balancer = Balancer(self.world, store, line, roster, log, self.own, self.resting, gaps, needed=lambda: street.needed)
-        self.sharing = Sharing(store, line, log, self.own, roster, Gaps(self.world.clock, roster), lambda: street.needed)
+        self.balancer = Balancer(self.world, store, line, roster, log, self.own, self.resting, gaps)
+        self.sharing = Sharing(store, line, log, self.own, roster, Gaps(self.world.clock, roster))
         self.joining = Joining(self.world, line, roster, cast(Any, street), log, cast(Any, self), self.own)
         self.draining = Draining(
             self.world,
@@ -98,7 +98,6 @@ class House:
             lambda: self.decides,
             has_lease=lambda: self.has_lease,
             may_order=lambda user: user == ADMINISTRATOR,
-            needed=lambda: street.needed,
         )
         for service in (self.sharing, self.draining):
             service.register(self.handlers)
@@ -220,8 +219,6 @@ class Street:
             House(self, number, capacity, self.registry.founding_arc(node(number))) for number, capacity in enumerate(capacities)
         ]
         self.handovers = 0
-        self.needed = 1
-        """Of the most demanding of all spaces: nodes that must have a record."""
         self.former: list[Arc] = []
         """What removed members claimed last."""
         self.bytes_per_s = 1 << 40
