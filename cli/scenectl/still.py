@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scenectl.values import PortPair
     from scenefold.client import Cluster, ImportReport, PreparedImport
     from scenefold.client.progress import ProgressCallback
+    from scenefold.node.local import LocalCluster
     from scenefold.render.choice import LeftOut, Renderers
     from scenefold.render.client import StillOptions
     from scenefold.render.job import RenderOptions
@@ -104,7 +105,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         with phases.time("read"):
             prepared = await prepare_import(offline_world(), job.file, progress, job.moment, job.environment)
         prepared.check_camera(job.options.camera)
-    async with _cluster(job, phases) as cluster:
+    async with _cluster(job, phases) as (cluster, embedded):
         if prepared is None:
             scene = await cluster.scenes.open(job.scene_name)
         else:
@@ -118,8 +119,17 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
 
         with phases.time("render"):
             result = await render_still(
-                cluster, scene, job.options, render_progress(progress), tell=partial(_tell_left_out, job), resume=job.resume
+                cluster,
+                scene,
+                job.options,
+                render_progress(progress),
+                tell=partial(_tell_left_out, job),
+                lost=_tell_lost,
+                organised_by=None if embedded is None else partial(_need_alone, embedded),
+                resume=job.resume,
             )
+        if embedded is not None:
+            embedded.may_die(())
         with phases.time("write"):
             written = await cluster.in_worker("import", write_image, job, result.options, result.layers, result.exposure)
             if job.resume is not None:
@@ -185,20 +195,29 @@ def _tell_left_out(job: StillJob, renderers: Renderers) -> None:
         note(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out))
 
 
+def _tell_lost(address: str) -> None:
+    note(f"note: node {address} is lost: the others take its part of the scene over, and trace again what only it had")
+
+
 def _few(addresses: Sequence[str]) -> str:
     return ", ".join(addresses[:ADDRESSES_SHOWN]) + (
         f" and {len(addresses) - ADDRESSES_SHOWN} more" if len(addresses) > ADDRESSES_SHOWN else ""
     )
 
 
+def _need_alone(embedded: LocalCluster, organiser: str) -> None:
+    embedded.may_die([address for address in embedded.addresses if address != organiser])
+
+
 @asynccontextmanager
-async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
+async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[tuple[Cluster, LocalCluster | None]]:
+    """And the nodes, if they are started for this."""
     from scenectl.running import connected
     from scenefold.client import connect
 
     if job.profile is not None:
         async with connected(job.profile) as cluster:
-            yield cluster
+            yield cluster, None
         return
     from scenefold.node.local import local_cluster
 
@@ -207,7 +226,7 @@ async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[Cluster]:
     async with local_cluster(job.nodes, threads=job.threads, ports=cluster_ports(job.ports), trust=True) as embedded:
         async with connect(embedded.profile) as cluster:
             phases.seconds["start"] = round(time.monotonic() - begun, 3)
-            yield cluster
+            yield cluster, embedded
             stopping = time.monotonic()
     phases.seconds["stop"] = round(time.monotonic() - stopping, 3)
 

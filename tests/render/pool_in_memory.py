@@ -153,10 +153,10 @@ class MemoryPool:
 
     async def restart(self, node: NodeId) -> None:
         """A new process at the address of one that died."""
-        sealing = self.hosts[node].sealing
-        self.hosts[node] = MemoryHost(self, node)
-        self.hosts[node].sealing = sealing
-        await self.nursery.start(self.hosts[node].run)
+        host = MemoryHost(self, node)
+        host.sealing = self.hosts[node].sealing
+        await self.nursery.start(host.run)
+        self.hosts[node] = host
 
     async def ask(self, node: NodeId, packet: Packet) -> Any:
         return await self.deliver(USER, node, packet)

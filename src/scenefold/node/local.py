@@ -2,14 +2,15 @@
 
 For trying things (`scenectl node local 5`), for `render still` without a profile, and for tests. Whoever enters
 `local_cluster` gets nodes that know each other; whoever leaves it leaves none behind. A node that dies meanwhile ends the
-caller's block with that node's own error, since nothing that waits for it would come to an end by itself.
+caller's block with that node's own error, since nothing that waits for it would come to an end by itself; unless it was said
+that others do without it (`may_die`): then it is started again, for what it stores.
 """
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Collection, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -28,6 +29,8 @@ START_S_MAX = 60.0
 """For all nodes to be ready and to know each other: 127 interpreters on two cores take about as long."""
 LAST_WORDS_S_MAX = 1.0
 """From the end of a node's connections to the end of its process."""
+LIVES = 4
+"""Of a node that may die: one that dies again and again has a reason for it that everybody should hear."""
 _PROFILE = "profile"
 
 
@@ -41,6 +44,8 @@ class LocalCluster:
         self._module = module
         self._nursery = nursery
         self._nodes: dict[str, NodeProcess] = {}
+        self._lives: dict[str, int] = {}
+        """Of those that may die, how many are left."""
 
     @property
     def profile(self) -> Path:
@@ -71,7 +76,21 @@ class LocalCluster:
         arguments = ["--profile", str(self.profile), "--address", address]
         arguments += ["--data", str(self.folder / "data" / address), *self._options]
         node = self._nodes[address] = NodeProcess(address, arguments, self.log(address), self._module)
-        self._nursery.start_soon(node.run)
+        self._nursery.start_soon(self._run, node)
+
+    async def _run(self, node: NodeProcess) -> None:
+        try:
+            await node.run()
+        except NodeEnded:
+            lives = self._lives.get(node.address, 1) - 1
+            if not lives:
+                raise
+            self._lives[node.address] = lives
+            self.start(node.address)
+
+    def may_die(self, addresses: Collection[str]) -> None:
+        """Of these nodes, and no others, one that dies from now on is started again, a few times."""
+        self._lives = dict.fromkeys(addresses, LIVES)
 
     async def wait(self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX) -> None:
         """Return once these nodes (the founders) listen and, if `joined`, are members that know the others; LocalFault if that

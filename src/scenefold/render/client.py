@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, UsageFault
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
@@ -172,6 +172,8 @@ async def render_still(
     progress: Progress,
     *,
     tell: Callable[[Renderers], None] | None = None,
+    organised_by: Callable[[str], None] | None = None,
+    lost: Callable[[str], None] | None = None,
     resume: Path | None = None,
 ) -> StillResult:
     """Render one image and wait for it. LocalFault, Refused or Unreachable say why there is none.
@@ -182,7 +184,7 @@ async def render_still(
 
     The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. They are
     chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
-    of them before anything else happens. LocalFault if there is none.
+    of them before anything else happens, `organised_by` then the address of the one whose death ends the render; `lost` those of others that die. LocalFault if there is none.
     """
     options.checked()
     # Who must wait for a node that says nothing hears at least that something goes on.
@@ -199,6 +201,8 @@ async def render_still(
     token = cluster.calls.world.entropy.token
     job = int.from_bytes(token(8), "big") or 1
     organiser = address_of(organiser_of(job, chosen.nodes))
+    if organised_by is not None:
+        organised_by(organiser)
     watch = _Watch(cluster, organiser, job)
     about = About(cluster.profile.cluster_id, identity.genesis, job)
     keys = await cluster.in_worker("crypto", seal_keys, identity.keys, chosen.sealing, about, token)
@@ -210,8 +214,9 @@ async def render_still(
             if kept is not None:
                 await watch.send_film(kept.film)
                 kept = None
-            state = await watch.until_done(progress, keeper)
-            report = report_of(state.document, wanted, [address_of(node) for node in chosen.nodes], organiser)
+            addresses = [address_of(node) for node in chosen.nodes]
+            state = await watch.until_done(progress, keeper, lambda address: lost(address) if lost and address in addresses else None)
+            report = report_of(state.document, wanted, addresses, organiser)
             image = await watch.fetch(image_size(wanted), partial(progress, "fetch"))
         finally:
             await watch.let_go()
@@ -265,14 +270,22 @@ class _Watch:
             if answer.reason:
                 raise error_of(answer.reason, answer.text, where=self._address)
 
-    async def until_done(self, progress: Progress, keeper: _Keeper | None = None) -> Stand:
-        """How it stands at the end; what it keeps on the way is written down. PeerFault if the organiser says what makes no sense."""
-        clock, is_prepared = self._cluster.calls.world.clock, False
+    async def until_done(self, progress: Progress, keeper: _Keeper | None = None, lost: Callable[[str], object] = str) -> Stand:
+        """How it stands at the end; what it keeps on the way is written down, and who is lost is told. PeerFault if the organiser says what makes no sense."""
+        clock, is_prepared, lost_so_far = self._cluster.calls.world.clock, False, 0
         while True:
-            reply = await self._ask(JobState(job=self._job), JobStateReply)
+            try:
+                reply = await self._ask(JobState(job=self._job), JobStateReply)
+            except Unreachable as error:
+                what = f"the node that organises the render is lost: {error.what}"
+                remedy = "start it again; with --resume it goes on from what was kept"
+                raise Unreachable(what, where=self._address, remedy=remedy) from error
             stand = stand_of(reply.document, self._address)
             if stand.phase == "failed":
                 raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
+            for address in stand.lost[lost_so_far:]:
+                lost(address)
+            lost_so_far = len(stand.lost)
             if stand.phase in ("rendering", "done") and not is_prepared:
                 is_prepared = True
                 progress("prepare", 1, 1)

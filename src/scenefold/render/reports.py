@@ -57,6 +57,8 @@ class Stand:
     """Of the scene, once it is known; else zeros."""
     failure_reason: int
     failure: str
+    lost: tuple[str, ...]
+    """Addresses of nodes that died meanwhile, as the organiser says."""
     document: dict[str, Any]
     """All of it, unread."""
 
@@ -70,7 +72,8 @@ def stand_of(packed: bytes, where: str) -> Stand:
         passes = whole(document["passes"], 0, _COUNT_MAX)
         reason, failure = whole(document["failure_reason"], 0, 255), text(document["failure"])
         closed, kept = whole(document["closed"], 0, passes), whole(document["kept_passes"], 0, passes)
-        return Stand(document["phase"], closed, passes, kept, exactly(document["content"], HASH_BYTES), reason, failure, document)
+        content, lost = exactly(document["content"], HASH_BYTES), tuple(map(_short, _few(document["lost"], POOL_NODES_MAX)))
+        return Stand(document["phase"], closed, passes, kept, content, reason, failure, lost, document)
 
 
 def image_size(options: RenderOptions) -> int:

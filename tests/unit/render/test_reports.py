@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 from trio.testing import MockClock
 
-from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.client import _Watch
 from scenefold.render.job import RenderOptions
@@ -127,6 +127,11 @@ def test_every_entry_is_needed(key: str) -> None:
         ("seconds", {"\x1b[2J": 1.0}),
         ("seconds", {str(number): 1.0 for number in range(99)}),
         ("numeric_class", "x" * 1_000),
+        ("attempts", 0),
+        ("passes_again", -1),
+        ("lost", ["127.0.0.9"]),
+        ("lost", ["127.0.0.2"] * 128),
+        ("lost", [7]),
     ],
 )
 def test_what_makes_no_sense_is_the_organisers_fault(key: str, value: object) -> None:
@@ -183,6 +188,26 @@ async def test_each_phase_is_told_until_it_is_over_and_not_again(autojump_clock:
 
     await watch(state).until_done(lambda *step: told.append(step))
     assert told == [("prepare", 1, 1), ("render", 0, 1), ("render", 1, 1), ("render", 1, 1)]
+
+
+async def test_each_node_that_is_lost_is_told_once(autojump_clock: MockClock) -> None:
+    losses, told = iter(([], ADDRESSES[:1], ADDRESSES[:1], ADDRESSES)), list[str]()
+
+    def state(_packet: Packet) -> JobStateReply:
+        lost = next(losses)
+        return JobStateReply(job=1, document=pack_value({**STATE, "phase": "done" if lost == ADDRESSES else "rendering", "lost": lost}))
+
+    await watch(state).until_done(nothing, lost=told.append)
+    assert told == ADDRESSES
+
+
+async def test_an_organiser_that_is_lost_is_said_to_be_it() -> None:
+    def away(_packet: Packet) -> JobStateReply:
+        raise Unreachable("connection refused", where="127.0.0.2")
+
+    with pytest.raises(Unreachable, match="organises the render is lost: connection refused") as caught:
+        await watch(away).until_done(nothing)
+    assert "--resume" in caught.value.remedy
 
 
 async def test_a_failed_job_says_why() -> None:

@@ -36,11 +36,13 @@ class Attempts:
         self.traced_again = 0
         """Passes that were opened, and are not done."""
         self.lost: list[NodeId] = []
+        self._closed_before: int | None = None
+        """While nobody traces."""
 
     @property
     def closed(self) -> int:
-        """Passes that are closed, in all attempts."""
-        return self.base + self._told("closed")
+        """Passes that are closed, in all attempts; while nobody traces, as many as there were."""
+        return self.base + self._told("closed") if self._closed_before is None else self._closed_before
 
     async def gather(self, passes: Collection[int]) -> None:
         """Everybody's film into ours; `passes`: all that are in any of them. NodesLost, maybe in a group."""
@@ -59,8 +61,10 @@ class Attempts:
     async def begin_again(self, lost: NodesLost) -> None:
         """With those that are left, until all of them trace again. The error if that cannot be."""
         missing: NodesLost | None = lost
+        self._closed_before = self.closed
         while missing is not None:
             missing = await or_lost(partial(self._begin, missing))
+        self._closed_before = None
 
     async def _begin(self, lost: NodesLost) -> None:
         job, company = self._job, self._company
