@@ -177,11 +177,13 @@ async def test_tables_that_an_earlier_version_did_not_have_are_empty(tmp_path: P
         assert view.get(STATISTICS, b"x") is None and view.first(STATISTICS, b"", b"\xff") is None
 
 
-async def test_two_that_look_at_a_folder_without_a_lock_file_that_cannot_be_written(tmp_path: Path) -> None:
-    await filled(tmp_path)
-    with only_readable(tmp_path):
-        first = FolderLock(tmp_path, only_read=True)
-        with pytest.raises(LocalFault, match="in use by process unknown"):
-            FolderLock(tmp_path, only_read=True)
-        first.release()
-        FolderLock(tmp_path, only_read=True).release()
+async def test_two_that_look_at_a_folder_without_a_lock_file_that_cannot_be_written() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        await filled(folder)
+        with only_readable(folder):
+            first = FolderLock(folder, only_read=True)
+            with pytest.raises(LocalFault, match="in use by process unknown"):
+                FolderLock(folder, only_read=True)
+            first.release()
+            FolderLock(folder, only_read=True).release()
