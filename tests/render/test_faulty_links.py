@@ -167,6 +167,8 @@ async def test_a_link_that_is_not_mended_costs_the_node_that_does_not_organise(
 
     monkeypatch.setattr(sender, "GIVE_UP_S", 0.5)
     monkeypatch.setattr(link, "GIVE_UP_S", 0.5)
+    # Else all rays of so small an image may be under way before anything is missed.
+    monkeypatch.setattr(sender, "BYTES_MAX", 1 << 16)
     monkeypatch.setattr("render.pool_in_memory.MemoryPool", Cut)
     async with memory_pool(offline_world(), room, 2) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, moving=False))

@@ -24,6 +24,8 @@ from scenefold.world.real.world import offline_world
 OPTIONS = RenderOptions(width=96, height=72, samples=160, seed=3, sky=(0.2, 0.3, 0.5), depth=4)
 """17 passes."""
 JOB = 11
+EACH_FAMILY = ("voronoi", "power", "planar", "radial")
+"""With k-d boxes, which others here have."""
 PER_NODE = 4
 """Passes of a node that are open, or not copied, at most: below 16 nodes."""
 
@@ -94,7 +96,7 @@ async def test_the_image_is_the_same(room: Records, alone: Callable[[RenderOptio
     assert sha256_of(image) == await trio.to_thread.run_sync(alone, options)
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("algorithm", [pytest.param(name, marks=() if name in EACH_FAMILY else pytest.mark.long) for name in ALGORITHMS])
 async def test_cells_of_all_kinds_close_up(room: Records, alone: Callable[[RenderOptions], str], algorithm: str) -> None:
     options = replace(OPTIONS, algorithm=algorithm)
     async with memory_pool(offline_world(), room, 4) as pool:
