@@ -94,10 +94,6 @@ class Film:
         pixels = self.width * self.height
         return image.reshape(pixels, *image.shape[2:])[np.arange(pixels) * self._stride % pixels]
 
-    def clear(self) -> None:
-        """Begin anew: what it summed is part of another film now."""
-        self.rows.words[:] = 0
-
     @property
     def _part_rows(self) -> int:
         return PART_BYTES // row_bytes(self.rows.columns)

@@ -16,7 +16,7 @@ from scenefold.base.ids import NodeId
 from scenefold.render.film import Film
 from scenefold.render.job import Job
 from scenefold.render.pass_sums import PassSums
-from scenefold.render.pool.company import NodesLost, lost_of
+from scenefold.render.pool.company import Apart, NodesLost, lost_of, who_go
 from scenefold.render.pool.films import Films
 from scenefold.render.pool.pass_bits import bits_of, passes_of
 from scenefold.render.pool.roster import Roster
@@ -242,3 +242,30 @@ def test_what_fails_because_a_node_is_lost_is_no_other_failure() -> None:
     assert found is not None and found.nodes == {NODES[1], NODES[2]}
     assert lost_of(ExceptionGroup("", [lost, PeerFault("of another kind")])) is None
     assert lost_of(Unreachable("nobody says that a node is lost")) is None
+
+
+def test_of_two_that_do_not_reach_each_other_one_goes_and_of_many_the_one_in_their_middle() -> None:
+    a, b, c, d, organiser = NODES
+    assert set(who_go([Apart(a, b, "1"), Apart(b, a, "2")], organiser)) == {b}
+    assert set(who_go([Apart(organiser, a, "1"), Apart(a, organiser, "2")], organiser)) == {a}
+    alone = [Apart(a, other, "no") for other in (b, c, d)] + [Apart(other, a, "no") for other in (b, c, d)]
+    assert set(who_go(alone, organiser)) == {a}
+    assert set(who_go([Apart(a, b, "1"), Apart(c, d, "2")], organiser)) == {b, d}
+    assert who_go([], organiser) == {}
+
+
+@given(st.lists(st.tuples(st.sampled_from(NODES), st.sampled_from(NODES))))
+def test_those_that_stay_reach_each_other(pairs: list[tuple[NodeId, NodeId]]) -> None:
+    organiser = NODES[0]
+    away = [Apart(by, other, f"{by} {other}") for by, other in pairs]
+    gone = who_go(away, organiser)
+    assert organiser not in gone
+    assert all(by == other or by in gone or other in gone for by, other in pairs)
+    assert all(node in (apart.by, apart.other) for node, apart in gone.items())
+
+
+def test_a_film_takes_no_memory_before_it_is_wanted() -> None:
+    """As a node finds out whether it may hold it once its part is there: 16,384 x 16,384 pixels are some 36 GB."""
+    films = Films(replace(SMALL, width=16384, height=16384))
+    films.forget_gathered(1)
+    assert "film" not in vars(films.own)

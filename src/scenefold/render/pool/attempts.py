@@ -25,7 +25,7 @@ class Attempts:
     def __init__(self, job: Job, company: Company, part: Callable[[], Part], before: int) -> None:
         """`part`: this node's own. `before`: passes below this number are in its film."""
         self._job, self._company, self._part = job, company, part
-        self._gatherings = self._gathered = 0
+        self._gatherings = 0
         self._cells_of = job.nodes
         self.partition: Partition = job.partition
         """The newest that all have claimed."""
@@ -44,6 +44,11 @@ class Attempts:
         """Passes that are closed, in all attempts; while nobody traces, as many as there were."""
         return self.base + self._told("closed") if self._closed_before is None else self._closed_before
 
+    @property
+    def _gathered(self) -> int:
+        # The film itself says it, since who waits for a gathering may be cancelled once all of it has been added.
+        return self._part().films.gathered
+
     async def gather(self, passes: Collection[int]) -> None:
         """Everybody's film into ours; `passes`: all that are in any of them. NodesLost, maybe in a group."""
         company = self._company
@@ -55,7 +60,6 @@ class Attempts:
             # Of a node in the middle of the line only its neighbour knows that it is lost.
             await company.look()
             raise
-        self._gathered = self._gatherings
         await company.tell({"gathered": self._gathered})
 
     async def begin_again(self, lost: NodesLost) -> None:
@@ -92,7 +96,7 @@ class Attempts:
 
     def _sets(self, organiser: NodeId) -> tuple[frozenset[int], frozenset[int]]:
         """The passes in our film, and in all others. PeerFault if one is in two of them."""
-        sets = {node: passes_of(self._company.states[node].get("film"), self._job.plan.count) for node in self._company.nodes}
+        sets = {node: passes_of(self._company.done.get(node), self._job.plan.count) for node in self._company.nodes}
         ours = sets.pop(organiser)
         theirs: frozenset[int] = frozenset().union(*sets.values())
         if len(ours | theirs) != len(ours) + sum(map(len, sets.values())):

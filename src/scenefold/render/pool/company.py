@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Collection
+from collections import Counter
+from collections.abc import AsyncIterator, Collection, Sequence
 from contextlib import asynccontextmanager
+from typing import NamedTuple
 
 import trio
 
@@ -33,6 +35,14 @@ class NodesLost(Exception):
         self.nodes, self.error = frozenset(nodes), error
 
 
+class Apart(NamedTuple):
+    """A node says that it does not reach another one."""
+
+    by: NodeId
+    other: NodeId
+    words: str
+
+
 class Company:
     """Of one job."""
 
@@ -42,6 +52,8 @@ class Company:
         self.states: dict[NodeId, dict[str, Value]] = {}
         """The newest of each node, also of those that are lost."""
         self.hits: dict[NodeId, F32] = {}
+        self.done: dict[NodeId, Value] = {}
+        """The passes in each node's film, while an attempt is held; too many for what clients are told."""
 
     @property
     def nodes(self) -> tuple[NodeId, ...]:
@@ -74,6 +86,7 @@ class Company:
     async def look(self) -> None:
         """How all nodes stand. What one of them failed of is raised, unless it is that another one could not be reached. NodesLost."""
         lost = _Lost(self._host)
+        away: list[Apart] = []
 
         async def look(node: NodeId) -> None:
             reply = await lost.answer(node, JobState(job=self._job.id), ASK_S_MAX)
@@ -88,11 +101,8 @@ class Company:
                 reason = state.get("failure_reason")
                 lost.note(node, error_of(reason if isinstance(reason, int) else 0, str(state["failure"]), where=address_of(node)))
                 return
-            for other, words in _away(state.pop("away", [])):
-                # One of the two must go, and the organiser cannot.
-                gone = node if other == self.roster.organiser else other
-                if gone in self.nodes:
-                    lost.note(gone, Unreachable(words, where=address_of(node)))
+            away.extend(Apart(node, other, words) for other, words in _away(state.pop("away", [])) if other in self.nodes)
+            self.done[node] = state.pop("film", None)
             hits = state.pop("hits", None)
             if self._job.moves and hits is not None:
                 self.hits[node] = hits_of_bytes(hits, len(self._job.nodes))
@@ -101,6 +111,8 @@ class Company:
         async with trio.open_nursery() as nursery:
             for node in self.nodes:
                 nursery.start_soon(look, node)
+        for node, apart in who_go(away, self.roster.organiser).items():
+            lost.note(node, Unreachable(apart.words, where=address_of(apart.by)))
         lost.check()
 
     @asynccontextmanager
@@ -115,6 +127,18 @@ class Company:
         while True:
             await self._host.world.clock.sleep(WATCH_S)
             await self.look()
+
+
+def who_go(away: Sequence[Apart], organiser: NodeId) -> dict[NodeId, Apart]:
+    """Of each two that do not reach each other one must go, never the organiser: whoever is in most pairs, until none is left. With what was said of it."""
+    pairs = {frozenset((apart.by, apart.other)): apart for apart in away if apart.by != apart.other}
+    gone: dict[NodeId, Apart] = {}
+    while pairs:
+        counts = Counter(node for pair in pairs for node in pair if node != organiser)
+        node = max(counts, key=lambda node: (counts[node], node))
+        gone[node] = next(apart for pair, apart in pairs.items() if node in pair)
+        pairs = {pair: apart for pair, apart in pairs.items() if node not in pair}
+    return gone
 
 
 def lost_of(error: BaseException) -> NodesLost | None:

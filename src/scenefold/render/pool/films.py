@@ -7,6 +7,7 @@ happens to each film. Adding takes long, so that is done in workers.
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cached_property
 
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId
@@ -20,8 +21,13 @@ class Summed:
     """A film, and the set of its passes."""
 
     def __init__(self, job: Job) -> None:
-        self.film = Film(job.window.width, job.window.height, job.columns)
+        self._job = job
         self.passes: set[int] = set()
+
+    @cached_property
+    def film(self) -> Film:
+        """Made when it is first wanted: whether a node may hold it is found out before."""
+        return Film(self._job.window.width, self._job.window.height, self._job.columns)
 
     def add(self, number: int, sums: PassSums, first_path: int, stride: int, goes_on: GoesOn) -> None:
         """A closed pass, with all of its sums; once, however often it is said."""
@@ -38,7 +44,7 @@ class Summed:
 
     def clear(self) -> None:
         """It is part of another film now."""
-        self.film.clear()
+        self.__dict__.pop("film", None)
         self.passes.clear()
 
 
@@ -52,6 +58,11 @@ class Films:
         self._coming: Film | None = None
         self._gathering = 0
         self._gathered = 0
+
+    @property
+    def gathered(self) -> int:
+        """The newest gathering of which all films are the organiser's, as far as is known here; 0 if there was none."""
+        return self._gathered
 
     def copy_of(self, node: NodeId) -> Summed:
         """The copy of a node's film that is kept here; empty as long as nothing of it is."""

@@ -32,7 +32,8 @@ class Gathering:
     async def hand_on(self, number: int, roster: Roster, towards: int) -> None:
         """What the nodes behind this one have, and this one, to the neighbour at a place."""
         place = roster.nodes.index(self._host.node_id)
-        self._films.begin(number)
+        async with self._turn:
+            self._films.begin(number)
         behind = 2 * place - towards
         if 0 <= behind < len(roster.nodes):
             await self._collect(number, roster, behind)
@@ -46,7 +47,8 @@ class Gathering:
     async def gather(self, number: int, roster: Roster, passes: Collection[int]) -> None:
         """Both neighbours' films, and all behind them, into ours; `passes`: that are summed in them."""
         place = roster.nodes.index(self._host.node_id)
-        self._films.begin(number)
+        async with self._turn:
+            self._films.begin(number)
         async with trio.open_nursery() as nursery:
             for neighbour in (place - 1, place + 1):
                 if 0 <= neighbour < len(roster.nodes):

@@ -67,7 +67,9 @@ class Moving:
                 raise PeerFault("a partition is for another number of nodes")
             if is_anew and self._next is not None:
                 dropped, self._next = self._next, None
-                await self._close(dropped)
+                # What is in no list any more, nobody else would close.
+                with trio.CancelScope(shield=True):
+                    await self._close(dropped)
             now = self._now()
             if partition.epoch <= now.cell.partition.epoch or self._next is not None:
                 raise PeerFault("cells do not move that way", where=f"epoch {partition.epoch}")
@@ -105,7 +107,8 @@ class Moving:
             fetched = self._next
             if fetched is not None and fetched.cell.partition.epoch == number:
                 self._next = None
-                await self._close(fetched)
+                with trio.CancelScope(shield=True):
+                    await self._close(fetched)
 
     async def run(self) -> None:
         """Let go of what is no longer needed, until cancelled."""

@@ -258,11 +258,13 @@ class Organiser:
             # After a loss the stage is the same one.
             if self._begun_passes <= done:
                 self._begun_passes = stage_end(done, end, len(job.nodes), rate) if self._keep is not None else end
-            begun, until = self.now(), self._begun_passes
+            # After a loss a part of the stage is closed already.
+            begun, until, closed = self.now(), self._begun_passes, max(done, self._attempts.closed)
             await self._tell({"until": until})
             while not await self._all_closed():
                 await self._host.world.clock.sleep(POLL_S)
-            rate = (until - done) / max(self.now() - begun, 1e-3)
+            if until > closed:
+                rate = (until - closed) / max(self.now() - begun, 1e-3)
             if until == job.plan.count:
                 return
             await self._attempts.gather(range(until))
