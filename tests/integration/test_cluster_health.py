@@ -89,6 +89,7 @@ async def test_more_are_lost_at_once_than_copies_can_bear_and_that_is_said_until
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+@pytest.mark.long
 async def test_one_node_says_what_is_missing_and_copies_are_made_as_others_join_and_go(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 1, spares=2) as living:
         scene = await living.cluster.scenes.create("own")

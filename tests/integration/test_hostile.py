@@ -163,7 +163,11 @@ async def under_attack(living: Living, honest: Honest, scene: Scene, name: str) 
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("names", [STRANGERS, HOLDERS, FORGERS, BY_MEMBERS], ids=["strangers", "holders", "forgers", "members"])
+@pytest.mark.parametrize(
+    "names",
+    [STRANGERS, HOLDERS, FORGERS, pytest.param(BY_MEMBERS, marks=pytest.mark.long)],
+    ids=["strangers", "holders", "forgers", "members"],
+)
 async def test_honest_clients_go_on_being_served(names: Sequence[str], tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 2, spares=1, options=OPTIONS, module=NODE) as living:
         scene = await living.cluster.scenes.open("kept")

@@ -204,6 +204,7 @@ async def test_a_wiped_node_comes_back_as_a_newcomer_and_only_its_own_records_ar
         assert await kept.space.get_many(gone) == [None] * len(gone), "whoever owns the places now says that nothing is there"
 
 
+@pytest.mark.long
 async def test_a_removed_node_comes_back_as_a_newcomer_and_brings_its_records_home(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 3, options=("--remove-after", "13")) as living:
         kept, victim = living.kept, living.nodes.addresses[1]

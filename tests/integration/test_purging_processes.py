@@ -82,6 +82,7 @@ async def test_nothing_is_left_of_what_was_purged(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(720)
+@pytest.mark.long
 async def test_who_was_away_brings_nothing_back(tmp_path: Path) -> None:
     async with filled(tmp_path) as (living, scene, space):
         nodes = living.nodes

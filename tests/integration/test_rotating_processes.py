@@ -154,6 +154,7 @@ def _most_mib(pid: int) -> float:
 
 
 @pytest.mark.timeout(3000)
+@pytest.mark.long
 async def test_a_rotation_that_is_killed_goes_on_and_nobody_notices(tmp_path: Path) -> None:
     size = FULL if os.environ.get("SCENEFOLD_FULL_SIZE") == "1" else SMALL
     ports = free_ports(addresses(NODES))

@@ -106,6 +106,7 @@ async def test_keys_come_only_to_nodes_that_are_trusted_or_granted_the_scene(tmp
         assert report["left_out"] == [{"address": NODES[2], "why": STRANGE}]
 
 
+@pytest.mark.long
 async def test_trust_that_is_withdrawn_during_a_render_counts_for_the_next(tmp_path: Path) -> None:
     async with a_scene(tmp_path, trust=True) as (_, cluster, scene):
         picture, everybody = await still(cluster, scene)

@@ -84,9 +84,9 @@ PLAIN = TextureUse(0, nearest=True)
     ("use", "options", "side"),
     [
         (PLAIN, {}, 1.0),
-        (TextureUse(0, nearest=True, transform=(-1.0, 0.0, 1.0, 0.0, 1.0, 0.0)), {}, -1.0),
+        pytest.param(TextureUse(0, nearest=True, transform=(-1.0, 0.0, 1.0, 0.0, 1.0, 0.0)), {}, -1.0, marks=pytest.mark.long),
         (TextureUse(0, 1, nearest=True, transform=(2.0, 0.0, 0.0, 0.0, 1.0, 0.0)), {"second": True}, 1.0),
-        (PLAIN, {"mirrored": True}, -1.0),
+        pytest.param(PLAIN, {"mirrored": True}, -1.0, marks=pytest.mark.long),
     ],
     ids=["plain", "transformed", "second coordinates", "mirrored"],
 )
