@@ -11,7 +11,7 @@ import trio
 from following_version import BOTH, Wave, next_version
 from integration.living_clusters import Living, living_cluster
 from integration.test_copies_processes import PATIENCE_S, whole
-from scenefold.base.errors import Refused
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.location import LINE_LENGTH, Location
 from scenefold.wire import NotSpoken
 from scenefold.world import Priority, open_links, real_world
@@ -39,6 +39,15 @@ async def versions_spoken(living: Living) -> dict[str, bool]:
     return found
 
 
+async def reads(living: Living) -> bool:
+    """All is right; or False: of a node that is away too few holders have answered in time, as happens on a busy machine."""
+    try:
+        await living.kept.check()
+    except Unreachable:
+        return False
+    return True
+
+
 @pytest.mark.timeout(1_200)
 async def test_a_cluster_is_upgraded_a_node_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(TESTS))
@@ -60,7 +69,8 @@ async def test_a_cluster_is_upgraded_a_node_at_a_time(tmp_path: Path, monkeypatc
         await living.nodes.kill(later[-1])
         shutil.rmtree(living.nodes.folder / "data" / later[-1])
         with trio.fail_after(PATIENCE_S):
-            await kept.check()
+            while not await reads(living):
+                await trio.sleep(1.0)
         living.nodes.start(later[-1])
         await whole(living, NODES, WHOLE_S_MAX)
         await kept.check()
