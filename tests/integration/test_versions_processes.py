@@ -69,7 +69,7 @@ async def test_a_cluster_is_upgraded_a_node_at_a_time(tmp_path: Path, monkeypatc
         await living.nodes.kill(later[-1])
         shutil.rmtree(living.nodes.folder / "data" / later[-1])
         with trio.fail_after(PATIENCE_S):
-            while not await reads(living):
+            while not await reads(living):  # noqa: ASYNC110 - nobody tells when holders have time
                 await trio.sleep(1.0)
         living.nodes.start(later[-1])
         await whole(living, NODES, WHOLE_S_MAX)
