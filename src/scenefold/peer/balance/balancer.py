@@ -139,7 +139,7 @@ class Balancer:
         barred = self._barred.now()
         fills = [self._fill(node, now, may_take=node not in waiting and node not in barred) for node in nodes]
         if self._own.me in barred:
-            self._wanted = await self._all(self._line.arc, fills, me, now)
+            self._wanted = await self._everything(self._line.arc, fills, me, now)
         else:
             self._barred_since = None
             self._wanted = gives(fills, me, self._news.changes(nodes, now - TOLD_S - len(nodes) * TELL_S))
@@ -147,7 +147,7 @@ class Balancer:
             return []
         return [give for give in self._wanted if self._may(give.side, now)]
 
-    async def _all(self, arc: Arc, fills: Sequence[NodeFill], me: int, now: float) -> list[Give]:
+    async def _everything(self, arc: Arc, fills: Sequence[NodeFill], me: int, now: float) -> list[Give]:
         """What goes to one neighbour, since this node shall own nothing: the one location that it keeps at last holds no record, if possible."""
         if self._barred_since is None:
             self._barred_since = now

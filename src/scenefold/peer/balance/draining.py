@@ -84,7 +84,8 @@ class Draining:
     ) -> None:
         """`decides`: scenes whose log this node decides. `has_lease`: whether the line lets us give anything away. `may_order`: whether a user may.
 
-        `close`: take no copies any more, or take them again. `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over."""
+        `close`: take no copies any more, or take them again. `lies_elsewhere`: whether all that still lies here lies with all the others, who are too few for it to be taken over.
+        """
         self._world = world
         self._store = store
         self._line = line

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from scenefold.base.cover import without
 from scenefold.base.location import Arc, Location
 from scenefold.peer.line.ends import Side
 from scenefold.store.statistics import Counts, StoreStatistics
@@ -44,9 +45,10 @@ async def piece_of(scales: Scales, arc: Arc, side: Side, size: int) -> Piece | N
 
 async def all_but_one(scales: Scales, arc: Arc, side: Side) -> Piece | None:
     """All of the arc but the location farthest from that side; None if that is nothing."""
-    if arc.length == 1:
+    kept = one_at(arc, side.opposite)
+    if kept is None:
         return None
-    cut = Arc(_next(arc.first), arc.last) if side is Side.RIGHT else Arc(arc.first, _before(arc.last))
+    (cut,) = without(arc, kept)
     totals = await scales.arc_totals(cut)
     return Piece(cut, totals.records, totals.bytes)
 
@@ -78,14 +80,6 @@ def up_to(arc: Arc, side: Side, place: Location) -> Arc | None:
         return None
     cut = _end_at(arc, side, place)
     return None if cut == arc else cut
-
-
-def _next(location: Location) -> Location:
-    return Location.from_number(location.number + 1)
-
-
-def _before(location: Location) -> Location:
-    return Location.from_number(location.number - 1)
 
 
 def _end_at(arc: Arc, side: Side, location: Location) -> Arc:

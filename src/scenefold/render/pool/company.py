@@ -66,7 +66,6 @@ class Company:
 
     async def ask(self, packet: Packet, timeout_s: float) -> None:
         """All nodes, and all must agree. NodesLost."""
-
         lost = _Lost(self._host)
 
         async def ask(node: NodeId) -> None:
