@@ -67,8 +67,12 @@ FEW = 3
 ABSENCES = (Kind.PARTITION, Kind.CRASH, Kind.DRAIN, Kind.JOIN)
 """Who once had a place is away while deletions there are purged, and comes back when another one owns it."""
 
+FORBIDDEN = (Kind.BLACKLIST, Kind.RESET)
+"""Administrators change whom copies may lie on; in the first seed that is tried nobody has a blacklist from the beginning."""
+
 PROVOKED = {
     "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
+    "blacklist not looked at": Provocation(laws.COPIED_AGAIN, FORBIDDEN, copies=True, first=3),
     "chain from a stale roster": Provocation(laws.SOUND, CRACKS, workload="logs", first=8),
     "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
     "decided header": Provocation(laws.VERIFIED, LIES),

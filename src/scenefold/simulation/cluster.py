@@ -22,7 +22,7 @@ from scenefold.peer import Extension, NodeContext, NodeSettings
 from scenefold.peer.enrolment.papers import Papers
 from scenefold.simulation import laws
 from scenefold.simulation.acknowledged import Eyes, judge_acknowledged
-from scenefold.simulation.copying import Copying, rack_of
+from scenefold.simulation.copying import Copying, address_of_slot
 from scenefold.simulation.disks import incarnation_of
 from scenefold.simulation.ends import judge_end, words_of
 from scenefold.simulation.judged import see_judged
@@ -46,11 +46,6 @@ def key_of(seed: int, name: str) -> SigningKey:
 def secrets_of(seed: int, name: str) -> MemberSecrets:
     """All keys of somebody, from the seed of the run."""
     return MemberSecrets(key_of(seed, name), SealingKey(hashlib.sha256(f"{seed} sealing key of {name}".encode()).digest()))
-
-
-def address_of_slot(slot: int, racks: int = 0) -> str:
-    room = rack_of(slot, racks) + 1 if racks else 0
-    return f"10.{room}.{(slot + 1) >> 8}.{(slot + 1) & 255}"
 
 
 @dataclass(frozen=True, slots=True)

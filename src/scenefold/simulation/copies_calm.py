@@ -11,6 +11,7 @@ from dataclasses import replace
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc
 from scenefold.peer.copies.entries import Entry, joined
+from scenefold.simulation.blacklists import blacklist_of
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.copying import holders
 from scenefold.simulation.disks import Disk, arc_of, copies_of, place_of, records_of
@@ -123,8 +124,8 @@ def wanted_slots(cluster: Cluster, line: Arcs, place: Place) -> list[int]:
     owner = next((node for node, arc in arcs.items() if place.home in arc), None)
     if owner is None:
         return []
-    slot, copying = cluster.slot_of(owner), cluster.habits.copying
-    forbidden = () if copying is None else copying.forbidden_to(slot)
+    slot = cluster.slot_of(owner)
+    forbidden = blacklist_of(cluster.nodes[slot].disk)
     rule = cluster.watch.keeping.rules[place.scene, place.space]
     return [slot, *map(cluster.slot_of, holders(rule, place.home, owner, arcs, forbidden, line.keys() - arcs))]
 

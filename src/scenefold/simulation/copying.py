@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from scenefold.base.ids import NodeId, SpaceId
+from scenefold.base.ids import NodeId, SpaceId, node_id_of
 from scenefold.base.location import LINE_LENGTH, Arc, Location
-from scenefold.base.prefixes import AddressPrefix, address_prefix, forbids
+from scenefold.base.prefixes import AddressPrefix, forbids
 
 KEPT, KEPT_OBJECTS = SpaceId(1001), SpaceId(1002)
 """Spaces with copies: records with places of their own, and records that the nodes place. Far from the numbers of shadows."""
@@ -37,10 +37,6 @@ class Copying:
         """What a node's blacklist says: the prefix of its own rack, "" if there are no racks."""
         return f"10.{rack_of(slot, self.racks) + 1}.0.0/16" if self.racks else ""
 
-    def forbidden_to(self, slot: int) -> tuple[AddressPrefix, ...]:
-        """Likewise, read."""
-        return (address_prefix(self.prefix_of(slot)),) if self.racks else ()
-
     def __str__(self) -> str:
         racks = f", nodes in {self.racks} racks" if self.racks else ""
         return f"{self.copies} copies, {self.least} of them before a write counts{racks}"
@@ -52,6 +48,17 @@ def draw_copying(seed: int) -> Copying:
     ((copies, least),) = dice.choices(list(_COUNTS), list(_COUNTS.values()))
     (racks,) = dice.choices(list(_RACKS), list(_RACKS.values()))
     return Copying(copies, least, racks)
+
+
+def address_of_slot(slot: int, racks: int = 0) -> str:
+    """The address of a machine."""
+    room = rack_of(slot, racks) + 1 if racks else 0
+    return f"10.{room}.{(slot + 1) >> 8}.{(slot + 1) & 255}"
+
+
+def node_of_slot(slot: int, racks: int = 0) -> NodeId:
+    """The id of its node."""
+    return node_id_of(address_of_slot(slot, racks))
 
 
 def rack_of(slot: int, racks: int) -> int:

@@ -51,6 +51,11 @@ class Disk(Protocol):
     def replaced(self, table: str, /) -> list[tuple[bytes, bytes | None]]: ...
 
 
+def note_on(disk: Disk, name: str) -> bytes | None:
+    """A service's note, as its node has written it last."""
+    return _kept(disk, NOTES, name.encode())
+
+
 def _kept(disk: Disk, table: str, key: bytes) -> bytes | None:
     """What a node has written, also if it has rotted since: until the node stops over that, it acts by it."""
     stored = disk.written(table).get(key)
@@ -116,13 +121,13 @@ def incarnation_of(disk: Disk) -> bytes | None:
 
 def lives_of(disk: Disk) -> Lives:
     """Under which lives the disk's node asks for leases."""
-    note = _kept(disk, NOTES, LIVES_NOTE.encode())
+    note = note_on(disk, LIVES_NOTE)
     return unpack_lives(note) if note else Lives()
 
 
 def granted_life(voter: Disk, node: NodeId) -> tuple[bytes, int] | None:
     """Under which incarnation and life a node was last granted a lease, as the voter's disk has it."""
-    note = _kept(voter, NOTES, note_of(node).encode())
+    note = note_on(voter, note_of(node))
     return unpack_granted(note) if note else None
 
 

@@ -46,6 +46,7 @@ class Kind(Enum):
     ROT_ON_SEVERAL = "rot on several nodes"
     CUT_IN_REPAIR = "partition in repair"
     LYING_HOLDER = "lying holder"
+    BLACKLIST = "changed blacklist"
     CUT_CLIENT = "cut-off client"
     PAUSED_CLIENT = "paused client"
     CLIENT_RATE = "client's clock rate"
@@ -161,6 +162,15 @@ KINDS: dict[Kind, Shape] = {
     Kind.ROT_ON_SEVERAL: Shape(0.5, Whom.SEVERAL, (0, 0), (1, 4), "records on each", of_copies=True),
     Kind.CUT_IN_REPAIR: Shape(0.6, Whom.GROUP, (2, 30), of_copies=True),
     Kind.LYING_HOLDER: Shape(0.5, Whom.ONE, (10, 70), long_odds=0.3, of_copies=True),
+    Kind.BLACKLIST: Shape(
+        0.6,
+        Whom.ONE,
+        (3, 60),
+        (0, 1),
+        "what else it forbids: below 0.4 one founder, below 0.7 the block that one stands in, else every node",
+        long_odds=0.3,
+        of_copies=True,
+    ),
     Kind.CUT_CLIENT: Shape(1.3, Whom.CLIENT, (1, 40), (0, 1), "above 0.5 from all nodes, else from this share of them", of_clients=True),
     Kind.PAUSED_CLIENT: Shape(1.3, Whom.CLIENT, (1, 40), of_clients=True),
     Kind.CLIENT_RATE: Shape(0.66, Whom.CLIENT, (10, 60), (-0.009, 0.009), "rate error; leases assume at most 1 %", of_clients=True),

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 from scenefold.base.location import Location
 from scenefold.simulation import laws
-from scenefold.simulation.copying import Rule, rack_of
+from scenefold.simulation.blacklists import Blacklists
+from scenefold.simulation.copying import Rule, node_of_slot, rack_of
 from scenefold.simulation.custody import Lost
 from scenefold.simulation.disks import Disk, copies_of, found_at, incarnation_of, place_of, version_in
 from scenefold.simulation.history import Place, Version
@@ -65,6 +66,7 @@ class Keeping:
         self._is_rotten = is_rotten
         self._violated = violated
         self._lies = lies
+        self._blacklists = Blacklists(disks, now)
         self._liars: dict[Place, set[int]] = {}
         """Whose word for their copies is worth nothing, by slot: others count on them, and they may as well have lost them."""
         self._told: dict[Place, Version] = {}
@@ -100,10 +102,15 @@ class Keeping:
 
     def _possible(self, owner: int | None) -> int:
         """How many nodes may have what a node owns, as it may know it: what nobody was told of before may be told once all of these have it."""
-        if owner is None or not self.racks:
+        if owner is None:
             return min(map(len, self._lately()), default=1)
-        own = rack_of(owner, self.racks)
-        return min((1 + sum(rack_of(one.slot, self.racks) != own for one in members) for members in self._lately()), default=1)
+        return min((1 + sum(self._may_have(one.slot, owner) for one in members) for members in self._lately()), default=1)
+
+    def _may_have(self, slot: int, owner: int) -> bool:
+        """Whether a node counts for the owner of a place for certain: its blacklist may have said so otherwise lately."""
+        if slot == owner or (self.racks and rack_of(slot, self.racks) == rack_of(owner, self.racks)):
+            return False
+        return not self._blacklists.may_forbid(owner, node_of_slot(slot, self.racks), RECENT_S)
 
     def purging(self, place: Place, version: Version) -> None:
         """A key holder is about to have this deletion purged: of it no copy needs to stay any more."""
@@ -194,6 +201,7 @@ class Keeping:
 
     def committed(self, slot: int) -> list[Lost]:
         """Something has become durable on a disk: of what was told, nothing may have left it that is needed. What is lost by that."""
+        self._blacklists.committed(slot)
         if not self.rules:
             return []
         losses = []

@@ -198,6 +198,11 @@ def _asked_of_holders(original: Any) -> Any:
     return members_to_ask
 
 
+def _only_itself(_original: Any) -> Any:
+    """Copies are placed as if nobody had a blacklist."""
+    return lambda _blacklist, node, *, owner: node == owner
+
+
 MUTANTS: dict[str, tuple[Patch, ...]] = {
     "version check": tuple(Patch("scenefold.store.record_changes", name, _blind_judge) for name in ("judge", "judge_copy")),
     "signed expectation": (Patch("scenefold.store.record_changes", "judge", _judge_of_copies),),
@@ -222,6 +227,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
         Patch("scenefold.peer.membership.hearing", "problems_of", lambda _original: lambda news: [""] * len(news)),
     ),
     "others' claims": (Patch("scenefold.peer.line.claims", "claimants", lambda _original: lambda *_args: iter(())),),
+    "blacklist not looked at": (Patch("scenefold.peer.replication.placing", "forbids", _only_itself),),
     "acknowledged at one copy": (Patch("scenefold.peer.replication.settling_rule", "Rule.is_settled", _always(True)),),
     "repair trusts the first answer": (
         Patch("scenefold.peer.replication.comparing_dialogue", "_compare", _trusting_comparison),

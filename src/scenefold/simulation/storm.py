@@ -14,6 +14,7 @@ from typing import ClassVar
 import trio
 
 from scenefold.peer.line.holding import Handover, Step
+from scenefold.simulation.blacklist_faults import BlacklistFaults
 from scenefold.simulation.client_faults import ClientFaults
 from scenefold.simulation.clients import Client
 from scenefold.simulation.cluster import Cluster, Node
@@ -54,6 +55,7 @@ class Storm:
         self._hostile = HostileFaults(cluster, self._begins, self._ends, lambda: self._is_over, clients)
         self._of_clients = ClientFaults(cluster, self._begins, self._ends, lambda: self._is_over)
         self._copies = CopiesFaults(cluster, self._begins, lambda: self._is_over, self._links, nursery)
+        self._blacklists = BlacklistFaults(cluster, self._begins, self._ends, lambda: self._is_over, clients)
         self._weather: dict[Fault, Weather] = {}
         self._burdens: Overlaps[tuple[int, Kind]] = Overlaps()
         self._wait_for_handover: list[Fault] = []
@@ -90,6 +92,8 @@ class Storm:
                 self._wait_for_handover.append(fault)
             case Kind.REPLAY | Kind.LIAR | Kind.LYING_HOLDER:
                 await self._hostile.befall(fault)
+            case Kind.BLACKLIST:
+                await self._blacklists.befall(fault)
             case kind if KINDS[kind].of_clients:
                 await self._of_clients.befall(fault)
             case kind if KINDS[kind].of_copies:

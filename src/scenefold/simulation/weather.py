@@ -34,6 +34,8 @@ MEMBERSHIP = (
     Kind.WIPED_DISK,
 )
 """What makes nodes come, go, and begin anew."""
+_COPIES_LATER = {Kind.LYING_HOLDER: "lying holders", Kind.BLACKLIST: "blacklists"}
+"""What has dice of its own, so that all else in a seed stayed as it was when it came, and the names of these."""
 MEMBERSHIP_MORE, OTHERS_LESS = 1.3, 0.2
 """How much more, or less, often than else, in a climate that is mostly of these."""
 
@@ -89,12 +91,13 @@ def _of_copies(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault
     """What comes on top where copies are kept, with dice of its own: everything else in the seed stays as it is without them."""
     dice = random.Random(f"weather of copies/{seed}/{climate.nodes}")
     allowed = [kind for kind, shape in KINDS.items() if shape.of_copies and (kind in climate.kinds or not climate.kinds)]
-    kinds = [kind for kind in allowed if kind is not Kind.LYING_HOLDER]
+    kinds = [kind for kind in allowed if kind not in _COPIES_LATER]
     kinds = [kind for kind in kinds for _ in range(1 if climate.kinds else _times(KINDS[kind].odds, dice))]
     faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
-    liar, dice = KINDS[Kind.LYING_HOLDER], random.Random(f"weather of lying holders/{seed}/{climate.nodes}")
-    if Kind.LYING_HOLDER in allowed and (climate.kinds or _times(liar.odds, dice)):
-        faults.append(_fault(Kind.LYING_HOLDER, liar, climate, dice, spares))
+    for kind, name in _COPIES_LATER.items():
+        dice = random.Random(f"weather of {name}/{seed}/{climate.nodes}")
+        if kind in allowed and (climate.kinds or _times(KINDS[kind].odds, dice)):
+            faults.append(_fault(kind, KINDS[kind], climate, dice, spares))
     return [fault for fault in faults if fault.slots]
 
 

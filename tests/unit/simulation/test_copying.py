@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from scenefold.base.ids import NodeId
 from scenefold.base.location import LINE_LENGTH, Arc, Location
 from scenefold.base.placement import Line, holders_at
-from scenefold.base.prefixes import forbids
+from scenefold.base.prefixes import address_prefix, forbids
 from scenefold.scene.log import free_offsets
-from scenefold.simulation.cluster import address_of_slot
-from scenefold.simulation.copying import Copying, Rule, draw_copying, holders, rack
+from scenefold.simulation.copying import Copying, Rule, address_of_slot, draw_copying, holders, rack
 
 
 @given(st.data())
@@ -26,7 +25,7 @@ def test_the_judge_and_nodes_put_copies_in_the_same_places(data: st.DataObject) 
     layout = tuple(free_offsets([], data.draw(st.integers(0, 4))))
     home = Location.from_number(data.draw(st.sampled_from([0, *bounds]) | st.integers(0, LINE_LENGTH - 1)))
     owner = next(node for node in arcs if home in arcs[node])
-    prefixes = Copying(3, 2, 3).forbidden_to(data.draw(st.integers(0, 2)))
+    prefixes = (address_prefix(Copying(3, 2, 3).prefix_of(data.draw(st.integers(0, 2)))),)
     waiting = [NodeId((10 << 24) + (number % 3 << 16) + 100 + number) for number in range(data.draw(st.integers(0, 3)))]
     forbidden = [node for node in [*arcs, *waiting] if forbids(prefixes, node, owner=owner)]
     line, needed = Line([*arcs.items(), *((node, None) for node in waiting)]), data.draw(st.integers(1, 4))

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from scenefold.base.prefixes import Blacklist, address_prefix
 from scenefold.peer.copies.copies import Copies
 from scenefold.peer.copies.copies_note import encode_copies
 from scenefold.peer.copies.custody import Custody
 from scenefold.peer.copies.entries import Entry
+from scenefold.peer.membership.blacklist import NOTE, encode_blacklist
 from scenefold.simulation import laws
 from scenefold.simulation.copying import Rule
 from scenefold.simulation.disks import records_of
@@ -17,7 +19,7 @@ from scenefold.simulation.history import Loss
 from scenefold.simulation.keeping import RECENT_S
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.passed import LATELY_S
-from scenefold.store.layout import HOLDING, IDENTITY, RECORDS
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, RECORDS
 from scenefold.store.sealing import sealed
 from unit.simulation.test_watch import HERE, LEFT, MIDDLE, PLACE, RIGHT, SCENE, SPACE, Stage, member, record, rots, version
 
@@ -82,6 +84,17 @@ def test_a_disk_that_the_owner_forbids_does_not_count() -> None:
     stage.watch.acknowledges(OWNER, PLACE, version(1), HERE)
     assert stage.laws == [laws.COPIED]
     assert stage_with(0, 1, racks=2) and told(stage_with(0, 1, racks=2))
+
+
+@pytest.mark.parametrize(("listed", "broken"), [("0.0.0.0/0", []), ("10.0.0.1", [laws.COPIED]), ("10.0.0.0/30", [])])
+def test_what_an_owner_forbids_by_now_need_not_have_what_is_read(listed: str, broken: list[str]) -> None:
+    stage = stage_with(OWNER)
+    key = NOTE.encode()
+    note = encode_blacklist(Blacklist(1, (address_prefix(listed),)))
+    stage.machines[OWNER].tables[NOTES][key] = sealed(NOTES, key, note)
+    stage.watch.committed(OWNER)
+    stage.watch.recorder.told("c", PLACE, version(1))
+    assert stage.laws == broken
 
 
 def test_fewer_nodes_than_must_hold_it_are_enough() -> None:

@@ -19,7 +19,7 @@ from scenefold.simulation.disks import place_of, records_of
 from scenefold.simulation.history import Loss, Place, Version
 from scenefold.simulation.lineage import Holder
 from scenefold.simulation.watch import Watch
-from scenefold.store.layout import HOLDING, IDENTITY, OBJECTS, RECORDS, SUSPECTS, pack_record, record_key
+from scenefold.store.layout import HOLDING, IDENTITY, NOTES, OBJECTS, RECORDS, SUSPECTS, pack_record, record_key
 from scenefold.store.sealing import sealed
 from scenefold.wire import Member
 
@@ -40,7 +40,7 @@ class Machine:
     """A disk, and a node that answers as it is told to."""
 
     def __init__(self, slot: int) -> None:
-        self.tables: dict[str, dict[bytes, bytes]] = {RECORDS: {}, OBJECTS: {}, HOLDING: {}, IDENTITY: {}, SUSPECTS: {}}
+        self.tables: dict[str, dict[bytes, bytes]] = {RECORDS: {}, OBJECTS: {}, HOLDING: {}, IDENTITY: {}, SUSPECTS: {}, NOTES: {}}
         self.tables[IDENTITY] = {b"incarnation": sealed(IDENTITY, b"incarnation", member(slot).incarnation)}
         self.last_commit: list[tuple[bytes, bytes | None]] = []
         self.lease = True

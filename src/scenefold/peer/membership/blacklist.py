@@ -21,7 +21,8 @@ from scenefold.peer.handlers import Handlers, Senders
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.wire import BlacklistChanged, ChangeBlacklist, MalformedPacket, pack_value, unpack_value
 
-_NOTE = "blacklist"
+NOTE = "blacklist"
+"""The name of the note that keeps it."""
 _FORM = 1
 
 _log = logging.getLogger("scenefold.peer.blacklist")
@@ -53,7 +54,7 @@ class OwnBlacklist:
 
     async def load(self) -> None:
         """What stands there since an earlier run, and what the settings add to it. UsageFault if that is too much."""
-        note = await self._store.get_note(_NOTE)
+        note = await self._store.get_note(NOTE)
         known = Blacklist() if note is None else decode_blacklist(note)
         begun = changed(known, self._begin, ())
         if len(begun.prefixes) > BLACKLIST_MAX:
@@ -75,7 +76,7 @@ class OwnBlacklist:
 
     async def _keep(self, before: Blacklist, now: Blacklist) -> None:
         if now != before:
-            await self._store.put_note(_NOTE, encode_blacklist(now))
+            await self._store.put_note(NOTE, encode_blacklist(now))
             _log.info("no copies of this node's data on: %s", ", ".join(map(str, now.prefixes)) or "(all may hold them)")
         self._own.blacklist = now
 
