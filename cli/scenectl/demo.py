@@ -21,6 +21,7 @@ def demo(
     nodes: Annotated[int, whole(1, 127)] = 5,
     samples: Annotated[int, whole(1, 1_048_576)] = 32,
     size: SizeOption = HD_QUARTER,
+    kill: bool = True,
     ports: PortsOption | None = None,
     output: Output = PLAIN,
 ) -> None:
@@ -36,6 +37,8 @@ def demo(
         Paths for each pixel.
     size
         Width and height in pixels.
+    kill
+        Kill one node in the midst of the render: the others go on, and the image has the same bits.
     ports
         Ports of the nodes, LOW,HIGH; by default 17349,17350.
     """
@@ -63,6 +66,7 @@ def demo(
         options=options,
         exr=exr,
         png=png,
+        kill=kill,
     )
     with Progress(quiet=output.json) as progress:
         report = run(make_still, job, progress)

@@ -18,10 +18,12 @@ from scenectl.output import note, size_text
 from scenectl.values import cluster_ports
 
 if TYPE_CHECKING:
+    from scenectl.striking import Strike
     from scenectl.values import PortPair
     from scenefold.client import Cluster, ImportReport, PreparedImport
     from scenefold.client.progress import ProgressCallback
     from scenefold.node.local import LocalCluster
+    from scenefold.render.anew import Begun
     from scenefold.render.choice import LeftOut, Renderers
     from scenefold.render.client import StillOptions
     from scenefold.render.job import RenderOptions
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from scenefold.scene.importers import Moment
 
 ADDRESSES_SHOWN = 8
+COPIES_OF_STRUCK = 2
+"""Of a scene in whose render a node is killed: the others go on at once, and need not wait until it has started again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +55,8 @@ class StillJob:
     """Of the file; None: at rest."""
     resume: Path | None = None
     """The file of the kept render."""
+    kill: bool = False
+    """Whether a node dies on the way, of those that are started for this; with one node none does."""
     view: str = "agx"
     """Of the PNG: one of `scenefold.render.view.VIEWS`."""
 
@@ -105,27 +111,30 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         with phases.time("read"):
             prepared = await prepare_import(offline_world(), job.file, progress, job.moment, job.environment)
         prepared.check_camera(job.options.camera)
-    async with _cluster(job, phases) as (cluster, embedded):
+    async with _cluster(job, phases) as (cluster, embedded), _struck(job, embedded) as strike:
         if prepared is None:
             scene = await cluster.scenes.open(job.scene_name)
         else:
             with phases.time("import"):
                 if job.profile is None:
-                    # It ends with this cluster, whose nodes have one disk: copies of it would save nobody from anything.
-                    await cluster.scenes.create(job.scene_name, copies=1)
+                    # It ends with this cluster, whose nodes have one disk: copies save from nothing but the death of a single node.
+                    await cluster.scenes.create(job.scene_name, copies=1 if strike is None else COPIES_OF_STRUCK)
                 scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
                 prepared = None  # The file's meshes need not stay in memory while the nodes render.
         from scenefold.render.client import render_still
 
+        if embedded is not None:
+            embedded.may_die(embedded.addresses)
         with phases.time("render"):
             result = await render_still(
                 cluster,
                 scene,
                 job.options,
-                render_progress(progress),
+                told_to(strike, render_progress(progress)),
                 tell=partial(_tell_left_out, job),
                 lost=_tell_lost,
-                organised_by=None if embedded is None else partial(_need_alone, embedded),
+                organised_by=None if strike is None else strike.spare,
+                anew=_tell_anew,
                 resume=job.resume,
             )
         if embedded is not None:
@@ -142,6 +151,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         "nodes": len(nodes),
         "records_per_node": None if imported is None else {node: imported.records_by_node.get(node, 0) for node in nodes},
         "import": None if imported is None else imported.document(),
+        **({} if strike is None else {"nodes_killed": strike.killed}),
         **result.report,
         **written,
         "seconds": phases.seconds,
@@ -161,6 +171,7 @@ def report_text(report: dict[str, Any]) -> str:
         ("rays_passed_per_path", "rays passed per path"),
         ("bytes_passed", "bytes passed between nodes"),
         ("cells_moved", "moves of cells"),
+        *((("nodes_lost", "nodes lost on the way"), ("passes_traced_again", "passes traced again")) if report.get("nodes_lost") else ()),
         ("efficiency", "efficiency"),
     ):
         if report.get(key) is not None:
@@ -199,14 +210,37 @@ def _tell_lost(address: str) -> None:
     note(f"note: node {address} is lost: the others take its part of the scene over, and trace again what only it had")
 
 
+def _tell_anew(begun: Begun) -> None:
+    note(anew_text(begun))
+
+
+def anew_text(begun: Begun) -> str:
+    """Why a render is begun anew, by whom, and from where on."""
+    where = f" ({begun.error.where})" if begun.error.where else ""
+    without = f" without {_few(begun.silent)}" if begun.silent else ""
+    passes = f" behind the {begun.passes:,} passes that were kept" if begun.passes else ""
+    return f"note: {begun.error.what}{where}: it is begun anew{without}{passes}"
+
+
 def _few(addresses: Sequence[str]) -> str:
     return ", ".join(addresses[:ADDRESSES_SHOWN]) + (
         f" and {len(addresses) - ADDRESSES_SHOWN} more" if len(addresses) > ADDRESSES_SHOWN else ""
     )
 
 
-def _need_alone(embedded: LocalCluster, organiser: str) -> None:
-    embedded.may_die([address for address in embedded.addresses if address != organiser])
+@asynccontextmanager
+async def _struck(job: StillJob, embedded: LocalCluster | None) -> AsyncIterator[Strike | None]:
+    """While a node may be killed on purpose; None if none is."""
+    if not job.kill or embedded is None or len(embedded.addresses) < 2:
+        yield None
+        return
+    from scenectl.striking import Strike
+    from scenefold.world import background_tasks
+
+    strike = Strike(embedded)
+    async with background_tasks() as nursery:
+        nursery.start_soon(strike.run)
+        yield strike
 
 
 @asynccontextmanager
@@ -267,9 +301,23 @@ def render_progress(progress: ProgressCallback) -> Callable[[str, int, int], Non
     return lambda phase, done, total: progress(ProgressState(phase, done, total, units.get(phase, "")))
 
 
+def told_to(strike: Strike | None, progress: Callable[[str, int, int], None]) -> Callable[[str, int, int], None]:
+    """A render's progress, for both."""
+    if strike is None:
+        return progress
+
+    def both(phase: str, done: int, total: int) -> None:
+        progress(phase, done, total)
+        strike.seen(phase, done, total)
+
+    return both
+
+
 def _value_text(key: str, value: Any) -> str:
     if key == "bytes_passed":
         return size_text(value)
+    if isinstance(value, list):
+        return ", ".join(value)
     if isinstance(value, float):
         return f"{value:,.3f}" if value < 100 else f"{value:,.0f}"
     return f"{value:,}" if isinstance(value, int) else str(value)

@@ -10,8 +10,10 @@ import pytest
 import trio
 
 from loopback import free_ports
+from scenefold.base.errors import Unreachable
 from scenefold.client import connect
 from scenefold.node.local import local_cluster
+from scenefold.render.anew import Begun
 from scenefold.render.client import StillOptions, render_still
 from scenefold.render.image_files import image_sha256
 from scenefold.scene.sample import sample_scene_path
@@ -22,31 +24,37 @@ OPTIONS = StillOptions(width=96, height=72, samples=64)
 """7 passes."""
 
 
-@pytest.mark.long
+@pytest.mark.parametrize("victim", [pytest.param("another", marks=pytest.mark.long), "organiser"])
 @pytest.mark.timeout(300)
-async def test_the_image_is_the_same(tmp_path: Path) -> None:
+async def test_the_image_is_the_same(tmp_path: Path, victim: str) -> None:
     """Records lie on one node each, as in a cluster that is started for one image: of the dead one, they are read when it runs again."""
     with trio.fail_after(KERNELS_S):
         async with local_cluster(3, tmp_path, ports=free_ports(), threads=1, trust=True) as nodes, connect(nodes.profile) as cluster:
             await cluster.scenes.create("sample", copies=1)
             scene, _ = await cluster.scenes.import_file("sample", sample_scene_path())
             undisturbed = await render_still(cluster, scene, OPTIONS, lambda *_: None)
-            killed: list[str] = []
+            chosen: list[str] = []
+            died: list[int] = []
             lost: list[str] = []
+            anew: list[Begun] = []
 
             def organised_by(address: str) -> None:
-                killed[:] = [other for other in nodes.addresses if other != address][:1]
-                nodes.may_die(killed)
+                if not died:
+                    chosen[:] = [other for other in nodes.addresses if (other == address) == (victim == "organiser")][:1]
+                    nodes.may_die(chosen)
 
             def progress(phase: str, done: int, _total: int) -> None:
-                process = nodes.pid(killed[0]) if killed and phase == "render" and done else None
-                if process is not None and not lost and not died:
+                process = nodes.pid(chosen[0]) if chosen and phase == "render" and done else None
+                if process is not None and not died:
                     died.append(process)
                     os.kill(process, signal.SIGKILL)
 
-            died: list[int] = []
-            result = await render_still(cluster, scene, OPTIONS, progress, organised_by=organised_by, lost=lost.append)
-            assert died and lost == killed == result.report["nodes_lost"]
-            assert nodes.pid(killed[0]) != died[0]
+            result = await render_still(cluster, scene, OPTIONS, progress, organised_by=organised_by, lost=lost.append, anew=anew.append)
+            assert died and nodes.pid(chosen[0]) != died[0]
     assert image_sha256(result.layers["beauty"]) == image_sha256(undisturbed.layers["beauty"])
-    assert result.report["attempts"] == 2
+    if victim == "organiser":
+        assert result.report["begun"] == 1 + len(anew) >= 2 and isinstance(anew[0].error, Unreachable)
+        assert anew[0].error.where == chosen[0]
+    else:
+        assert lost == chosen == result.report["nodes_lost"]
+        assert (result.report["attempts"], result.report["begun"], anew) == (2, 1, [])

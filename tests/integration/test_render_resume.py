@@ -1,8 +1,7 @@
-"""If this fails, Ctrl-C, or the end of its nodes, costs all that was rendered, or what goes on from it is another image."""
+"""If this fails, Ctrl-C, or its sudden end, costs all that was rendered, or what goes on from it is another image."""
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import time
@@ -26,7 +25,7 @@ def render(folder: Path, nodes: int, *more: str | Path) -> list[str | Path]:
     return ["render", "still", folder / "room.obj", "--nodes", str(nodes), "--ports", ports, "-o", folder / "o.exr", *IMAGE, *more]
 
 
-def interrupted(folder: Path, kept: Path, *, by_nodes: bool) -> int:
+def interrupted(folder: Path, kept: Path, sign: signal.Signals) -> int:
     """A render that is ended as soon as something of it is kept; its exit code."""
     words = command(*render(folder, 2, "--resume", kept))
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment(None)) as process:
@@ -36,12 +35,7 @@ def interrupted(folder: Path, kept: Path, *, by_nodes: bool) -> int:
                 assert process.poll() is None and time.monotonic() < until
                 time.sleep(0.01)
             nodes = children(process.pid)
-            if by_nodes:
-                # With one of them alone it would go on, unless that is the one that organises it.
-                for node in nodes.values():
-                    os.kill(node, signal.SIGKILL)
-            else:
-                process.send_signal(signal.SIGINT)
+            process.send_signal(sign)
             code = process.wait(60)
             await_ends(nodes.values(), 30.0)
             return code
@@ -49,11 +43,11 @@ def interrupted(folder: Path, kept: Path, *, by_nodes: bool) -> int:
             process.kill()
 
 
-@pytest.mark.parametrize("by_nodes", [pytest.param(False, marks=pytest.mark.long), True])
-def test_the_same_command_goes_on_to_the_same_image(tmp_path: Path, by_nodes: bool) -> None:
+@pytest.mark.parametrize("sign", [pytest.param(signal.SIGINT, marks=pytest.mark.long), signal.SIGKILL])
+def test_the_same_command_goes_on_to_the_same_image(tmp_path: Path, sign: signal.Signals) -> None:
     (tmp_path / "room.obj").write_text(ROOM)
     kept = tmp_path / "room.kept"
-    assert interrupted(tmp_path, kept, by_nodes=by_nodes) != 0
+    assert interrupted(tmp_path, kept, sign) != 0
     assert not (tmp_path / "o.exr").exists()
     refused = scenectl(*render(tmp_path, 1, "--resume", kept, "--seed", "5"), limit_s=KERNELS_S)
     assert "the kept render is of another seed" in refused.refusal(1)

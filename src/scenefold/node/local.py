@@ -92,6 +92,11 @@ class LocalCluster:
         """Of these nodes, and no others, one that dies from now on is started again, a few times."""
         self._lives = dict.fromkeys(addresses, LIVES)
 
+    def crash(self, address: str) -> None:
+        """Let a node that may die do so now, as in a power cut; it is started again."""
+        assert address in self._lives, f"node {address} is needed"
+        self._nodes[address].crash()
+
     async def wait(self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX) -> None:
         """Return once these nodes (the founders) listen and, if `joined`, are members that know the others; LocalFault if that
         takes too long."""

@@ -83,6 +83,11 @@ class NodeProcess:
             self._process.kill()
         await self.ended.wait()
 
+    def crash(self) -> None:
+        """The same, but nobody expects it: `run` ends as with a node that dies by itself."""
+        if self._process is not None:
+            self._process.kill()
+
     def expect_end(self) -> None:
         """However it ends from now on, it is no error."""
         self._expected_end = True

@@ -6,7 +6,7 @@ keys are those of certificates. Each speaks of keys, and a node counts only wher
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from scenefold.base.errors import LocalFault
@@ -20,6 +20,7 @@ STRANGE = "neither trusted, nor granted the scene"
 UNKNOWN = "no certificate of it is known"
 OTHER_KEYS = "it is a member under other keys than those of its certificate"
 REVOKED = "its key is revoked"
+SILENT = "it does not answer"
 TOO_MANY = f"a job has at most {POOL_NODES_MAX} nodes"
 
 
@@ -45,6 +46,11 @@ class Renderers:
     @property
     def nodes(self) -> tuple[NodeId, ...]:
         return tuple(self.sealing)
+
+    def without(self, silent: Collection[NodeId]) -> Renderers:
+        """The same, but for nodes that could not be reached just now."""
+        sealing = {node: key for node, key in self.sealing.items() if node not in silent}
+        return Renderers(sealing, (*self.left_out, *(LeftOut(node, SILENT) for node in self.sealing if node in silent)))
 
     def check_any(self, scene: str) -> None:
         """LocalFault, with what to do about it, if nobody may render."""

@@ -15,11 +15,11 @@ from trio.testing import MockClock
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.rays import RAY_BYTES
-from scenefold.render.client import _Watch
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
 from scenefold.render.pool.telling import failure_fields
 from scenefold.render.reports import image_size, report_of, stand_of
+from scenefold.render.watch import Watch
 from scenefold.render.window import Window
 from scenefold.wire import ImagePart, JobStateReply, Packet, pack_value, unpack_value
 
@@ -157,13 +157,13 @@ def test_noise_is_no_state(noise: bytes) -> None:
         stand_of(noise, "127.0.0.2")
 
 
-def watch(answers: Callable[[Packet], Packet]) -> _Watch:
+def watch(answers: Callable[[Packet], Packet]) -> Watch:
     async def ask(_address: str, packet: Packet, _answer: object, timeout_s: float) -> Packet:
         await trio.lowlevel.checkpoint()
         return answers(packet)
 
     calls = SimpleNamespace(ask=ask, world=SimpleNamespace(clock=SimpleNamespace(sleep=trio.sleep)))
-    return _Watch(SimpleNamespace(calls=calls), "127.0.0.2", 1)  # type: ignore[arg-type]
+    return Watch(SimpleNamespace(calls=calls), "127.0.0.2", 1)  # type: ignore[arg-type]
 
 
 def nothing(_phase: str, _done: int, _total: int) -> None:

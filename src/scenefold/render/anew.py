@@ -1,0 +1,76 @@
+"""When a render is begun anew: its organiser is lost, or another node before anything was traced (specs/31-attempts.md, Begun anew)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import partial
+
+from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
+from scenefold.client import Cluster
+from scenefold.client.together import together
+from scenefold.wire import JobState, JobStateReply
+
+VAIN_MAX = 3
+"""So often in a row a render is begun anew that gets no further than it was: what kills it may be the scene itself."""
+BEGUN_MAX = 256
+PAUSE_S, PAUSE_S_MAX = 0.5, 8.0
+"""Before it is begun anew; twice as long each time in vain."""
+ANSWER_S_MAX = 5.0
+NO_JOB = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """Why a render is begun anew. `silent`: addresses of nodes that do not answer; `passes`: those that need not be traced again."""
+
+    error: ScenefoldError
+    silent: tuple[str, ...]
+    passes: int
+
+
+class Tries:
+    """Of one render. Pure."""
+
+    def __init__(self) -> None:
+        self.begun = 1
+        self._vain = 0
+        self._passes = 0
+
+    def may_begin_anew(self, error: ScenefoldError, asked: Collection[NodeId], passes: int) -> bool:
+        """Whether to, after an error. `asked`: who was to render so far; `passes`: those that need not be traced again."""
+        if passes > self._passes:
+            self._passes, self._vain = passes, 0
+        if not asked or not _passes_by(error) or self._vain >= VAIN_MAX or self.begun >= BEGUN_MAX:
+            return False
+        self.begun += 1
+        self._vain += 1
+        return True
+
+    @property
+    def pause_s(self) -> float:
+        """How long to wait before."""
+        return min(PAUSE_S * 2.0 ** (self._vain - 1), PAUSE_S_MAX)
+
+
+def _passes_by(error: ScenefoldError) -> bool:
+    return isinstance(error, Unreachable) or (isinstance(error, Refused) and error.reason is RejectReason.NOT_READY)
+
+
+async def silent_of(cluster: Cluster, nodes: Collection[NodeId]) -> frozenset[NodeId]:
+    """Which of these nodes cannot be reached just now."""
+    silent = set[NodeId]()
+
+    async def look(node: NodeId) -> None:
+        try:
+            await cluster.calls.ask(address_of(node), JobState(job=NO_JOB), JobStateReply, timeout_s=ANSWER_S_MAX)
+        except Unreachable:
+            silent.add(node)
+        except (Refused, PeerFault):
+            # There is no such job, but it answers.
+            return
+
+    await together(partial(look, node) for node in nodes)
+    return frozenset(silent)

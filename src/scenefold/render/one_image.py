@@ -1,0 +1,100 @@
+"""One image that a client wants: it may be begun several times, each time as another job (specs/31-attempts.md, Begun anew)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from scenefold.base.ids import NodeId, address_of
+from scenefold.client import Cluster, Scene
+from scenefold.client.sealing import SceneIdentity
+from scenefold.render.anew import silent_of
+from scenefold.render.choice import Renderers
+from scenefold.render.choosing import renderers_of
+from scenefold.render.job import RenderOptions
+from scenefold.render.kept import read_kept
+from scenefold.render.pool.request import RenderRequest, organiser_of
+from scenefold.render.reports import image_size, report_of
+from scenefold.render.sealed_keys import About, seal_keys
+from scenefold.render.watch import Keeper, Progress, Watch
+from scenefold.scene.head import NO_HEAD, SceneHead
+
+
+class Choice(NamedTuple):
+    """Who renders it, who of these organises that, under which job and with which keys."""
+
+    renderers: Renderers
+    organiser: NodeId
+    job: int
+    identity: SceneIdentity
+
+
+class OneImage:
+    """What one call of `render_still` wants."""
+
+    def __init__(
+        self,
+        cluster: Cluster,
+        scene: Scene,
+        wanted: RenderOptions,
+        resume: Path | None,
+        progress: Progress,
+        lost: Callable[[str], None] | None,
+    ) -> None:
+        self._cluster, self._scene, self._wanted, self._resume = cluster, scene, wanted, resume
+        self._progress, self._lost = progress, lost
+        self._keeper: Keeper | None = None
+        self.asked: set[NodeId] = set()
+        """Who was to render it so far."""
+
+    @property
+    def passes_kept(self) -> int:
+        """That need not be traced again, whatever happens."""
+        return 0 if self._keeper is None else self._keeper.keep.passes
+
+    async def silent(self) -> frozenset[NodeId]:
+        """Which of those cannot be reached just now."""
+        return await silent_of(self._cluster, self.asked)
+
+    async def choose(self, silent: Collection[NodeId]) -> Choice:
+        """Who may render it, but for nodes that do not answer. Without any of them the organiser is node 0, which is none."""
+        renderers = (await renderers_of(self._cluster, self._scene)).without(silent)
+        identity = self._scene.access.identity  # with nothing awaited between: these are the keys that the choice is for
+        job = int.from_bytes(self._cluster.calls.world.entropy.token(8), "big") or 1
+        return Choice(renderers, organiser_of(job, renderers.nodes) if renderers.nodes else NodeId(0), job, identity)
+
+    async def render(self, choice: Choice) -> tuple[bytes, dict[str, Any]]:
+        """The image, packed, and its report. Unreachable or Refused (16) if it may be begun anew."""
+        cluster, wanted, (renderers, organiser, job, identity) = self._cluster, self._wanted, choice
+        kept = None if self._resume is None else await cluster.in_worker("import", read_kept, self._resume, wanted)
+        self._keeper = keeper = None if self._resume is None else Keeper(cluster, self._resume, wanted, kept)
+        addresses, asked = [address_of(node) for node in renderers.nodes], address_of(organiser)
+        watch = Watch(cluster, asked, job)
+        about = About(cluster.profile.cluster_id, identity.genesis, job)
+        keys = await cluster.in_worker("crypto", seal_keys, identity.keys, renderers.sealing, about, cluster.calls.world.entropy.token)
+        head, keep = _head(self._scene, identity), None if keeper is None else keeper.keep
+        # In render mode nobody switches the scene back before the image is there; who renders in edit mode gets what lies there at the moment.
+        async with cluster.calls.leases.rendering(self._scene.access):
+            self.asked |= {*renderers.nodes}
+            await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, head, keep))
+            try:
+                if kept is not None:
+                    await watch.send_film(kept.film)
+                    kept = None
+                state = await watch.until_done(self._progress, keeper, lambda one: self._is_lost(one, addresses))
+                report = report_of(state.document, wanted, addresses, asked)
+                return await watch.fetch(image_size(wanted), partial(self._progress, "fetch")), report
+            finally:
+                await watch.let_go()
+
+    def _is_lost(self, address: str, chosen: Collection[str]) -> None:
+        if self._lost is not None and address in chosen:
+            self._lost(address)
+
+
+def _head(scene: Scene, identity: SceneIdentity) -> SceneHead:
+    """What the nodes must not fall behind of."""
+    log = scene.access.log
+    return NO_HEAD if log is None else SceneHead(identity.position, log.keys.header_key.raw, identity.read_floor)
