@@ -58,6 +58,7 @@ class ClusterLog:
     ) -> None:
         self._world, self._peers, self._facts, self._own = world, peers, facts, own
         self._copy = LogCopy(world, store, facts, self._note_position)
+        own.is_registered = False
         self.voting = Voting(world, store, peers, facts, own, ports)
         """What is about votes."""
         self.voting.voted.heard = self._has_decided
@@ -236,6 +237,7 @@ class ClusterLog:
 
     def _note_position(self, position: int) -> None:
         self._own.log_position = position
+        self._own.is_registered = self.registry.is_current(self._own.member)
 
     def _push_from(self, have: int) -> RespondSceneLog:
         if self.voting.is_open and have >= self._copy.signed:

@@ -59,6 +59,8 @@ class OwnStatus:
         """Which nodes must hold no copies of that, as it is durable."""
         self.log_position = 0
         """How far this node knows the cluster's log."""
+        self.is_registered = True
+        """Whether the log, as far as that, has this node under its incarnation."""
 
     @property
     def me(self) -> NodeId:
@@ -113,10 +115,13 @@ class OwnStatus:
         return replace(status, signature=self.secrets.signing.sign(STATUS_DOMAIN, status.signable()))
 
     def mini(self) -> MiniStatus:
-        """The short form, for a packet on an authenticated connection."""
+        """The short form, for a packet on an authenticated connection.
+
+        It names no incarnation, and others take it for the registered one's word. So before ours is that, it has the Lamport time of nobody.
+        """
         load = self.load
         return MiniStatus(
-            lamport=self.next(),
+            lamport=self.next() if self.is_registered else 0,
             node=self.me,
             right_bound=None if self.arc is None else self.arc.last,
             render_pool=load.render_pool,
