@@ -33,11 +33,12 @@ FOLDER = Path("/data")
 
 
 class LogNode:
-    """One life of a node; `log`, `lease` and `own` are those of this life."""
+    """One life of a node; `log`, `lease`, `own` and `roster` are those of this life."""
 
     log: ClusterLog
     lease: OwnerLease
     own: OwnStatus
+    roster: Roster
     enrolment: Enrolment
 
     def __init__(self, cluster: LogCluster, number: int) -> None:
@@ -74,7 +75,7 @@ class LogNode:
         ):
             identity = store.identity
             self.own = OwnStatus(self.id, self.address, identity.incarnation, identity.boot, secrets_of(self.number))
-            roster = self._roster = Roster(self.id)
+            roster = self.roster = Roster(self.id)
             routing = Routing(lambda: self.log.registry, roster, self.own)
             peers = Peers(world, links, self.own, roster, routing)
             self.ports = NodePorts(world.clock, self.id, peers, routing, roster, links, lambda _incarnation: False)
@@ -107,7 +108,7 @@ class LogNode:
             registry = await self.log.changed_after(registry.position)
 
     def _hear(self, mini: MiniStatus) -> None:
-        self._roster.hear_mini(mini, self._cluster.net.now)
+        self.roster.hear_mini(mini, self._cluster.net.now)
         self.log.heard_of(mini.node, mini.log_position)
 
 

@@ -218,3 +218,32 @@ def test_damaged_lives_make_a_newcomer() -> None:
         assert cluster.nodes[1].renewed == 1
 
     simulate(scenario, founders=2)
+
+
+def test_a_life_that_the_log_does_not_know_says_nothing_for_the_one_before() -> None:
+    """What others hear of its end must not be that it lives, and owns nothing: they would give away what it owned."""
+
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1, 2)
+        await cluster.members(0, 1, 2)
+        assert cluster.nodes[1].own.is_registered
+        await cluster.crash(1)
+        await trio.sleep(1)
+        cluster.net.machine(cluster_address(cluster, 1)).disk.wipe()
+        roster = cluster.nodes[2].roster
+        signs, former = roster.signs(node(1)), roster.incarnation(node(1))
+        cluster.net.cut(cluster.nodes[0].address, cluster_address(cluster, 1))
+        await cluster.start(1)
+        own, log = cluster.nodes[1].own, cluster.nodes[1].log
+        for _ in range(3):
+            await log.pull_from(node(2))
+        assert log.registry.position == cluster.nodes[2].log.registry.position
+        assert not own.is_registered and own.mini().lamport == 0
+        assert (roster.signs(node(1)), roster.incarnation(node(1))) == (signs, former)
+        cluster.net.mend(cluster.nodes[0].address, cluster_address(cluster, 1))
+        await cluster.members(1)
+        assert own.is_registered and roster.incarnation(node(1)) == own.incarnation
+        await log.pull_from(node(2))
+        assert roster.signs(node(1)) > 0
+
+    simulate(scenario, founders=3)

@@ -26,6 +26,9 @@ from scenefold.peer.membership.known_peer import KnownPeer
 from scenefold.peer.membership.silence import Silence
 from scenefold.wire import MiniStatus, Status
 
+NOBODYS = 0
+"""The Lamport time in the mini status of who is not registered, be it that another incarnation of it is."""
+
 
 class Roster:
     """The table of members as one node sees it. Itself it is in no table, but counts as a member."""
@@ -142,7 +145,7 @@ class Roster:
         """Take the short status of an authenticated packet; True if it is a sign of life: it rises."""
         peer = self._peers.get(mini.node)
         self.note_position(mini.node, mini.log_position)
-        if peer is None or peer.incarnation is None or mini.lamport <= peer.lamport:
+        if peer is None or peer.incarnation is None or mini.lamport <= max(peer.lamport, NOBODYS):
             return False
         if mini.log_position <= self._position:
             # Else it is early (specs/11-peers.md, Routing): its next status comes when we know as much.
