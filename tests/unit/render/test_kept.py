@@ -103,6 +103,9 @@ def test_stages_grow_with_the_pace() -> None:
 
 
 def test_films_that_take_too_much_memory_are_refused() -> None:
-    check_memory(1000, PLAIN, 3 * 136_000)
+    check_memory(1000, PLAIN, 1, 3 * 136_000)
+    check_memory(1000, PLAIN, 2, 4 * 136_000)
     with pytest.raises(LocalFault, match="to keep a render of 1000 pixels"):
-        check_memory(1000, PLAIN, 3 * 136_000 - 1)
+        check_memory(1000, PLAIN, 1, 3 * 136_000 - 1)
+    with pytest.raises(LocalFault, match="to keep a render"):
+        check_memory(1000, PLAIN, 2, 4 * 136_000 - 1)

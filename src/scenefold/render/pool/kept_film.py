@@ -21,7 +21,9 @@ STAGE_S = 60.0
 FIRST_STAGE_PASSES = 4
 """Of each node, before it is known how fast they are."""
 COPIES = 3
-"""Of a film at its organiser: its own, the one that is kept, and that which it makes, or came with the job."""
+"""Of a film at its organiser: its own, the one that is kept, and that which it makes, or came with the job,"""
+COPIES_OF_OTHERS = 1
+"""and one more if others take part: of its neighbour's film, beside what comes while films are gathered."""
 PIECE_BYTES = 4 * 1024 * 1024
 
 
@@ -49,9 +51,9 @@ def stage_end(done: int, level_end: int, nodes: int, passes_per_second: float | 
     return min(level_end, done + (least if passes_per_second is None else max(least, int(passes_per_second * STAGE_S))))
 
 
-def check_memory(pixels: int, columns: SumColumns, may: int) -> None:
+def check_memory(pixels: int, columns: SumColumns, nodes: int, may: int) -> None:
     """LocalFault if an organiser must not hold the films that it takes to keep one."""
-    needs = COPIES * pixels * row_bytes(columns)
+    needs = (COPIES + (COPIES_OF_OTHERS if nodes > 1 else 0)) * pixels * row_bytes(columns)
     if needs > may:
         raise LocalFault(
             f"to keep a render of {pixels} pixels takes {needs >> 20} MiB of a node's memory; this one may use {may >> 20} MiB",

@@ -293,7 +293,7 @@ class Organiser:
     async def _plan(self, request: RenderRequest, keys: EpochKeys) -> tuple[Job, SceneTables]:
         host, options = self._host, request.options
         if self._keep is not None:
-            check_memory(options.window.pixels, options.columns, host.memory_bytes)
+            check_memory(options.window.pixels, options.columns, len(request.keys.nodes), host.memory_bytes)
         async with host.reader(request.scene, request.genesis, keys, request.head) as reader:
             tables = await read_tables(reader, host.world.workers)
         job = await host.world.workers.run(LANE, self._make_job, request, tables)
