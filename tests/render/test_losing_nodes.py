@@ -11,7 +11,7 @@ import pytest
 import trio
 
 from render.pool_in_memory import MemoryPool, Records, memory_pool, sha256_of
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.render.algorithms import ALGORITHMS
 from scenefold.render.job import RenderOptions
@@ -29,7 +29,7 @@ EACH_FAMILY = ("voronoi", "power", "planar", "radial")
 PER_NODE = 4
 """Passes of a node that are open, or not copied, at most: below 16 nodes."""
 
-pytestmark = pytest.mark.expect_log("nodes go on")
+pytestmark = pytest.mark.expect_log("nodes go on|films are gathered again")
 
 
 @pytest.fixture(autouse=True)
@@ -217,6 +217,43 @@ async def test_a_node_dies_while_the_image_is_gathered(
         image, state = await pool.finished(JOB, owner)
     assert state["attempts"] == 2 and state["closed"] == state["passes"]
     assert sha256_of(image) == await trio.to_thread.run_sync(alone, OPTIONS)
+
+
+class _Stumbling(MemoryPool):
+    """Packets of some kind do not arrive a few times, though all live."""
+
+    times = 3
+
+    async def deliver(self, peer: str, node: NodeId, packet: Packet) -> Packet | None:
+        if isinstance(packet, FilmPart) and self.times and node != organiser_of(JOB, self.nodes):
+            self.times -= 1
+            raise Unreachable("the connection broke", where=address_of(node))
+        return await super().deliver(peer, node, packet)
+
+
+async def test_films_that_did_not_come_are_gathered_again(
+    room: Records, alone: Callable[[RenderOptions], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("render.pool_in_memory.MemoryPool", _Stumbling)
+    monkeypatch.setattr("scenefold.render.pool.attempts.GATHER_PAUSE_S", 0.01)
+    async with memory_pool(offline_world(), room, 4) as pool:
+        assert isinstance(pool, _Stumbling)
+        owner = await pool.start(JOB, OPTIONS)
+        image, state = await pool.finished(JOB, owner)
+        assert not pool.times
+    assert (state["attempts"], state["lost"]) == (1, [])
+    assert sha256_of(image) == await trio.to_thread.run_sync(alone, OPTIONS)
+
+
+async def test_films_that_never_come_end_the_job_with_a_word(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("render.pool_in_memory.MemoryPool", _Stumbling)
+    monkeypatch.setattr(_Stumbling, "times", 1 << 30)
+    monkeypatch.setattr("scenefold.render.pool.attempts.GATHER_PAUSE_S", 0.01)
+    monkeypatch.setattr("scenefold.render.pool.attempts.GATHER_S_MAX", 0.1)
+    async with memory_pool(offline_world(), room, 4) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        state = await pool.until(JOB, owner, "failed", "done")
+    assert state["phase"] == "failed" and "the connection broke" in state["failure"]
 
 
 async def test_levels_and_kept_films_go_on(room: Records, alone: Callable[[RenderOptions], str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,10 +11,15 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.partition import Partition
 from scenefold.partition.dropped import without
 from scenefold.render.job import Job
-from scenefold.render.pool.company import Company, NodesLost, lost_of
+from scenefold.render.pool.company import Company, NodesLost, is_away, lost_of
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
+from scenefold.world import Clock, leaves
+
+GATHER_S_MAX = 90.0
+"""So long films are asked for again that did not come, though nobody is lost: who has not reached another node for a minute says so, and one of the two is."""
+GATHER_PAUSE_S = 0.5
 
 _log = logging.getLogger("scenefold.render.pool")
 
@@ -22,9 +27,9 @@ _log = logging.getLogger("scenefold.render.pool")
 class Attempts:
     """Of one job."""
 
-    def __init__(self, job: Job, company: Company, part: Callable[[], Part], before: int) -> None:
+    def __init__(self, job: Job, company: Company, part: Callable[[], Part], clock: Clock, before: int) -> None:
         """`part`: this node's own. `before`: passes below this number are in its film."""
-        self._job, self._company, self._part = job, company, part
+        self._job, self._company, self._part, self._clock = job, company, part, clock
         self._gatherings = 0
         self._cells_of = job.nodes
         self.partition: Partition = job.partition
@@ -50,17 +55,31 @@ class Attempts:
         return self._part().films.gathered
 
     async def gather(self, passes: Collection[int]) -> None:
-        """Everybody's film into ours; `passes`: all that are in any of them. NodesLost, maybe in a group."""
+        """Everybody's film into ours; `passes`: all that are in any of them. NodesLost, maybe in a group.
+
+        Nobody's film changes before all have come. So if some have not, and nobody is lost, all are asked again.
+        """
+        until, pause_s = self._clock.now() + GATHER_S_MAX, GATHER_PAUSE_S
+        while not await self._has_gathered(passes, is_last=self._clock.now() > until):
+            await self._clock.sleep(pause_s)
+            pause_s *= 2
+        await self._company.tell({"gathered": self._gathered})
+
+    async def _has_gathered(self, passes: Collection[int], *, is_last: bool) -> bool:
         company = self._company
         self._gatherings += 1
+        failed = False
         try:
             async with company.watched():
                 await self._part().gather(self._gatherings, passes)
-        except* ScenefoldError:
+        except* ScenefoldError as group:
             # Of a node in the middle of the line only its neighbour knows that it is lost.
             await company.look()
-            raise
-        await company.tell({"gathered": self._gathered})
+            if is_last or not all(map(is_away, leaves(group))):
+                raise
+            _log.warning("job %016x: films are gathered again: %s", self._job.id, next(leaves(group)))
+            failed = True
+        return not failed
 
     async def begin_again(self, lost: NodesLost) -> None:
         """With those that are left, until all of them trace again. The error if that cannot be."""

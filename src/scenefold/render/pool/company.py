@@ -144,12 +144,13 @@ def lost_of(error: BaseException) -> NodesLost | None:
     """Who was lost, if nothing else happened: what failed because of them is no other error. None else."""
     found = list(leaves(error)) if isinstance(error, BaseExceptionGroup) else [error]
     lost = [one for one in found if isinstance(one, NodesLost)]
-    if not lost or not all(isinstance(one, NodesLost) or _is_away(one) for one in found):
+    if not lost or not all(isinstance(one, NodesLost) or is_away(one) for one in found):
         return None
     return NodesLost({node for one in lost for node in one.nodes}, lost[0].error)
 
 
-def _is_away(error: BaseException) -> bool:
+def is_away(error: BaseException) -> bool:
+    """Whether an error says that somebody is not there, or not yet: it may pass."""
     return isinstance(error, Unreachable) or (isinstance(error, Refused) and error.reason is RejectReason.NOT_READY)
 
 
@@ -180,7 +181,7 @@ class _Lost:
 
     def note(self, node: NodeId, error: ScenefoldError) -> None:
         """What does not say that the node is lost is raised."""
-        if not _is_away(error):
+        if not is_away(error):
             raise error
         self._errors[node] = error
 

@@ -190,7 +190,7 @@ class Organiser:
             self._phase = "rendering"
             with _Timed(self, "render"):
                 await self._film_before(job)
-                self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), self._before)
+                self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), self._host.world.clock, self._before)
                 await company.tell({"go": True, "from": self._before})
         except NodesLost as lost:
             # Nothing is traced yet, and whoever wants the image may choose again who renders it.
