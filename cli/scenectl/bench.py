@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
@@ -13,6 +14,8 @@ from scenectl.values import (
     HD_QUARTER,
     NO_NODES,
     ONE_AND_FIVE,
+    ONE_TWO_FIVE_SIXTEEN,
+    SMALL_SIZE,
     THREE_FIVE_AND_NINE,
     ColourOption,
     NodeCountsOption,
@@ -213,6 +216,61 @@ def hostile(
     chosen = () if attack is None else (attack,)
     result = run(bench_hostile, HostileBench(attacks=chosen, seconds=seconds, rounds=rounds, nodes=nodes, ports=cluster_ports(ports)))
     emit(output, result, bench_text(result))
+
+
+@app.command
+def hashes(
+    *files: Path,
+    nodes: NodeCountsOption = ONE_TWO_FIVE_SIXTEEN,
+    algorithm: str = "all",
+    size: SizeOption = SMALL_SIZE,
+    samples: Annotated[int, whole(1, 1_048_576)] = 64,
+    sky: ColourOption | None = None,
+    output: Output = PLAIN,
+) -> None:
+    """Render one image by many pools, with fixed and moving cells, lost and doubled packets and a node killed: all have one hash.
+
+    All in this process, by the real renderer. Exit code 1 if anything is broken.
+
+    Example: scenectl bench hashes --nodes 2,5 --algorithm kd,power
+
+    Parameters
+    ----------
+    files
+        Scene files; without any, the scene that the project brings along.
+    nodes
+        Sizes of pools, as 1,2,5,16.
+    algorithm
+        How space is divided and by which rules cells move: names between commas, or `all`.
+    size
+        Width and height in pixels.
+    samples
+        Paths for each pixel.
+    sky
+        Colour of a uniform sky as R,G,B, linear.
+    """
+    from scenectl.bench_hashes import HashesBench, algorithms_of, bench_hashes, bench_text
+    from scenectl.output import note
+    from scenectl.running import run
+    from scenectl.still import check_files
+    from scenefold.base.errors import LocalFault
+
+    for file in files:
+        check_files(file)
+    bench = HashesBench(
+        files=files,
+        width=size.width,
+        height=size.height,
+        samples=samples,
+        sky=(0.0, 0.0, 0.0) if sky is None else sky.rgb,
+        nodes=nodes.all,
+        algorithms=algorithms_of(algorithm),
+    )
+    report = run(bench_hashes, bench, (lambda _line: None) if output.json else note)
+    emit(output, report, bench_text(report))
+    if report["broken"]:
+        what = f"{report['broken']} of {report['rows']} renders break the contract of hashes"
+        raise LocalFault(what, where="the table above", remedy="this is a fault of the program: please report it")
 
 
 @app.command

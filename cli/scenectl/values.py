@@ -256,7 +256,9 @@ def name_or_number(text: str) -> str | int:
 
 
 HD_QUARTER = Size(640, 360)
+SMALL_SIZE = Size(64, 48)
 ONE_AND_FIVE = NodeCounts((1, 5))
+ONE_TWO_FIVE_SIXTEEN = NodeCounts((1, 2, 5, 16))
 THREE_FIVE_AND_NINE = NodeCounts((3, 5, 9))
 NO_NODES = NodeCounts(())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from render.painted_room import write_room
-from render.pool_in_memory import Records, records_of
+from scenefold.render.rehearsal.pool import Records, records_of
 
 
 @pytest.fixture(scope="module")

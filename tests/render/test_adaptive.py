@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from render.pool_in_memory import Records, memory_pool
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import unpacked
 from scenefold.render.levels import Adaptive
+from scenefold.render.rehearsal.pool import Records, memory_pool
 from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(

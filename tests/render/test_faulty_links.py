@@ -5,69 +5,24 @@ All that rides on links is treated so, and what acknowledges it; packets that ha
 
 from __future__ import annotations
 
-import random
-from collections import Counter
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import pytest
 import trio
 
-from render.pool_in_memory import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.render.job import RenderOptions
-from scenefold.render.pool import mover, organiser
+from scenefold.render.pool import organiser
 from scenefold.render.pool.links import link, round_trip, sender
 from scenefold.render.pool.request import organiser_of
+from scenefold.render.rehearsal.faults import Faults, FaultyPool
+from scenefold.render.rehearsal.pool import Records, memory_pool, running, sha256_of
 from scenefold.wire import AcknowledgeRays, Packet, SendRays
 from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(width=160, height=120, samples=16, seed=3, sky=(0.2, 0.3, 0.5), algorithm="kd")
 JOB = 11
-
-
-@dataclass(frozen=True)
-class Faults:
-    """Shares of packets that are lost and doubled; and of those that are late, which others overtake."""
-
-    lost: float = 0.0
-    doubled: float = 0.0
-    late: float = 0.0
-
-
-class FaultyPool(MemoryPool):
-    """Carries packets that have no answer as an unreliable network does."""
-
-    faults = Faults()
-    network: trio.Nursery
-
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self.chance = random.Random(9)
-        self.carried: Counter[str] = Counter()
-        self.dropped: Counter[str] = Counter()
-
-    async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
-        name = type(packet).__name__
-        self.carried[name] += 1
-        await trio.lowlevel.checkpoint()
-        if self.faults == Faults():
-            # In their order.
-            await super().carry(peer, node, packet)
-            return
-        for _ in range(1 + (self.chance.random() < self.faults.doubled)):
-            if self.chance.random() < self.faults.lost:
-                self.dropped[name] += 1
-            else:
-                self.network.start_soon(self._arrive, peer, node, packet, self.chance.random() < self.faults.late)
-
-    async def _arrive(self, peer: str, node: NodeId, packet: Packet, is_late: bool) -> None:
-        if is_late:
-            await trio.sleep(0.05 * self.chance.random())
-        await super().carry(peer, node, packet)
 
 
 @pytest.fixture(scope="module")
@@ -83,21 +38,8 @@ def alone(room: Records) -> str:
 @pytest.fixture(autouse=True)
 def is_quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """These jobs are short."""
-    monkeypatch.setattr(mover, "LOOK_S", 0.01)
     monkeypatch.setattr(organiser, "POLL_S", 0.01)
     monkeypatch.setattr(round_trip, "RTO_S_MIN", 0.1)
-
-
-@asynccontextmanager
-async def faulty_pool(records: Records, nodes: int, faults: Faults, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[FaultyPool]:
-    monkeypatch.setattr("render.pool_in_memory.MemoryPool", FaultyPool)
-    async with trio.open_nursery() as network:
-        monkeypatch.setattr(FaultyPool, "faults", faults)
-        monkeypatch.setattr(FaultyPool, "network", network, raising=False)
-        async with memory_pool(offline_world(), records, nodes) as pool:
-            assert isinstance(pool, FaultyPool)
-            yield pool
-        network.cancel_scope.cancel()
 
 
 FAULTS = {
@@ -111,10 +53,8 @@ FAULTS = {
 @pytest.mark.parametrize("faults", FAULTS.values(), ids=FAULTS)
 @pytest.mark.parametrize("moving", [False, True], ids=["fixed", "moving"])
 @pytest.mark.parametrize("nodes", [2, 5])
-async def test_the_image_is_the_same(
-    room: Records, alone: str, nodes: int, moving: bool, faults: Faults, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async with faulty_pool(room, nodes, faults, monkeypatch) as pool:
+async def test_the_image_is_the_same(room: Records, alone: str, nodes: int, moving: bool, faults: Faults) -> None:
+    async with running(FaultyPool(offline_world(), room, nodes, faults)) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, moving=moving))
         assert image and sha256_of(image) == alone
     told = state["nodes"]
@@ -127,7 +67,7 @@ async def test_the_image_is_the_same(
 
 async def test_without_faults_nothing_is_sent_twice_and_little_is_added(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(round_trip, "RTO_S_MIN", 8.0)
-    async with faulty_pool(room, 5, Faults(), monkeypatch) as pool:
+    async with running(FaultyPool(offline_world(), room, 5)) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, moving=False))
     assert sha256_of(image) == alone
     assert sum(node["packets_resent"] for node in state["nodes"]) == 0
@@ -143,7 +83,7 @@ async def test_what_was_told_twice_is_not_counted_twice(room: Records, alone: st
             for _ in range(3):
                 await super().carry(peer, node, packet)
 
-    monkeypatch.setattr("render.pool_in_memory.MemoryPool", Thrice)
+    monkeypatch.setattr("scenefold.render.rehearsal.pool.MemoryPool", Thrice)
     async with memory_pool(offline_world(), room, 2) as pool:
         image, state = await pool.render(JOB, OPTIONS)
     assert sha256_of(image) == alone
@@ -169,7 +109,7 @@ async def test_a_link_that_is_not_mended_costs_the_node_that_does_not_organise(
     monkeypatch.setattr(link, "GIVE_UP_S", 0.5)
     # Else all rays of so small an image may be under way before anything is missed.
     monkeypatch.setattr(sender, "BYTES_MAX", 1 << 16)
-    monkeypatch.setattr("render.pool_in_memory.MemoryPool", Cut)
+    monkeypatch.setattr("scenefold.render.rehearsal.pool.MemoryPool", Cut)
     async with memory_pool(offline_world(), room, 2) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, moving=False))
         assert state["lost"] == [address_of(node) for node in pool.nodes if node != organiser_of(JOB, pool.nodes)]

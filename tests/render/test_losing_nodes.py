@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 import trio
 
-from render.pool_in_memory import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.render.algorithms import ALGORITHMS
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
-from scenefold.render.pool import mover, organiser
+from scenefold.render.pool import organiser
 from scenefold.render.pool.request import Keep, organiser_of
+from scenefold.render.rehearsal.pool import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.wire import FilmPart, JobEvent, MergeFilm, Packet, unpack_value
 from scenefold.world.real.world import offline_world
 
@@ -35,7 +35,6 @@ pytestmark = pytest.mark.expect_log("nodes go on|films are gathered again")
 @pytest.fixture(autouse=True)
 def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """These jobs are short."""
-    monkeypatch.setattr(mover, "LOOK_S", 0.01)
     monkeypatch.setattr(organiser, "POLL_S", 0.01)
 
 
@@ -168,7 +167,7 @@ class _Interrupting(MemoryPool):
 async def interrupted(
     records: Records, count: int, when: Callable[[Packet], bool], monkeypatch: pytest.MonkeyPatch
 ) -> AsyncIterator[_Interrupting]:
-    monkeypatch.setattr("render.pool_in_memory.MemoryPool", _Interrupting)
+    monkeypatch.setattr("scenefold.render.rehearsal.pool.MemoryPool", _Interrupting)
     monkeypatch.setattr(_Interrupting, "when", staticmethod(when), raising=False)
     async with memory_pool(offline_world(), records, count) as pool:
         assert isinstance(pool, _Interrupting)
@@ -234,7 +233,7 @@ class _Stumbling(MemoryPool):
 async def test_films_that_did_not_come_are_gathered_again(
     room: Records, alone: Callable[[RenderOptions], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("render.pool_in_memory.MemoryPool", _Stumbling)
+    monkeypatch.setattr("scenefold.render.rehearsal.pool.MemoryPool", _Stumbling)
     monkeypatch.setattr("scenefold.render.pool.attempts.GATHER_PAUSE_S", 0.01)
     async with memory_pool(offline_world(), room, 4) as pool:
         assert isinstance(pool, _Stumbling)
@@ -246,7 +245,7 @@ async def test_films_that_did_not_come_are_gathered_again(
 
 
 async def test_films_that_never_come_end_the_job_with_a_word(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("render.pool_in_memory.MemoryPool", _Stumbling)
+    monkeypatch.setattr("scenefold.render.rehearsal.pool.MemoryPool", _Stumbling)
     monkeypatch.setattr(_Stumbling, "times", 1 << 30)
     monkeypatch.setattr("scenefold.render.pool.attempts.GATHER_PAUSE_S", 0.01)
     monkeypatch.setattr("scenefold.render.pool.attempts.GATHER_S_MAX", 0.1)

@@ -10,14 +10,14 @@ import pytest
 import trio
 import trio.testing
 
-from render.pool_in_memory import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.partition import Partition
 from scenefold.render.algorithms import ALGORITHMS, RESTING
 from scenefold.render.job import RenderOptions
-from scenefold.render.pool import mover, organiser
+from scenefold.render.pool import organiser
 from scenefold.render.pool.cell import Cell
+from scenefold.render.rehearsal.pool import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.wire import JobEvent, Packet, SendRays, pack_value, unpack_value
 from scenefold.world.real.world import offline_world
 
@@ -29,7 +29,6 @@ NODES = 5
 @pytest.fixture(autouse=True)
 def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """These jobs are short."""
-    monkeypatch.setattr(mover, "LOOK_S", 0.01)
     monkeypatch.setattr(organiser, "POLL_S", 0.01)
 
 

@@ -8,7 +8,6 @@ import pytest
 import trio
 
 from render.painted_room import write_room
-from render.pool_in_memory import SCENE_KEY, MemoryPool, Records, memory_pool, sha256_of
 from scenefold.base.errors import DamagedData, PeerFault, Refused
 from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
@@ -16,6 +15,7 @@ from scenefold.render.in_memory import RecordsInMemory, one_node_job
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import load_share, read_tables
+from scenefold.render.rehearsal.pool import SCENE_KEY, MemoryPool, Records, memory_pool, sha256_of
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
     AcknowledgeRays,

@@ -11,7 +11,6 @@ import pytest
 import trio
 import trio.testing
 
-from render.pool_in_memory import CLUSTER, GENESIS, SCENE_KEY, MemoryPool, memory_pool, records_of
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.reasons import RejectReason
@@ -23,6 +22,7 @@ from scenefold.render.pool import keeping, organiser, share
 from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX
+from scenefold.render.rehearsal.pool import CLUSTER, GENESIS, SCENE_KEY, MemoryPool, memory_pool, records_of
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.sample import sample_scene_path

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from render.painted_room import write_room
-from render.pool_in_memory import MemoryPool, Records, memory_pool, records_of, sha256_of
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
 from scenefold.render.pool.request import Keep
+from scenefold.render.rehearsal.pool import MemoryPool, Records, memory_pool, records_of, sha256_of
 from scenefold.wire import CancelJob, FetchFilm, FilmPart, ImagePart, JobAnswer
 from scenefold.world.real.world import offline_world
 

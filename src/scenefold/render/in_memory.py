@@ -6,7 +6,7 @@ apart from store and network.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,6 +42,11 @@ class RecordsInMemory:
                 if place != item.location:
                     plan.moved(item, place)
                 self._records[item.space, place] = item.payload
+
+    @property
+    def records(self) -> Mapping[tuple[SpaceId, Location], bytes]:
+        """All of them, by their places."""
+        return self._records
 
     async def get_many(self, space: SpaceId, locations: Sequence[Location]) -> list[bytes | None]:
         """See `SceneReader`."""

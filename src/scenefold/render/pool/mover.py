@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from scenefold.base.errors import ScenefoldError
@@ -14,14 +15,26 @@ from scenefold.render.pool.share import FILM_LANE
 from scenefold.wire import Value
 from scenefold.world import Clock, Workers
 
-LOOK_S = 0.2
 CLAIM_S_MAX = 30.0
-REST = 8.0
-"""After a move cells stay for so many times as long as it took: loading what they lack costs the nodes a part of their time, no more."""
-WORTH = 2.0
-"""Cells stay unless the busiest node's lead, over what is left of the level, is so many times as long as the last move took: else it costs more than it wins."""
 
 _log = logging.getLogger("scenefold.render.pool")
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How readily cells move.
+
+    `look_s`: seconds between two looks. `rest`: after a move cells stay for so many times as long as it took, since loading what they lack may cost
+    the nodes a part of their time, and no more. `worth`: cells stay unless the busiest node's lead, over what is left of the level, is so many
+    times as long as the last move took; else it costs more than it wins.
+    """
+
+    look_s: float = 0.2
+    rest: float = 8.0
+    worth: float = 2.0
+
+
+USUAL_PACE = Pace()
 
 
 class Noted(Protocol):
@@ -42,6 +55,7 @@ class Mover:
         to_all: Callable[[dict[str, Value], float], Awaitable[None]],
         left_s: Callable[[], float],
         noted: Noted,
+        pace: Pace = USUAL_PACE,
     ) -> None:
         """`told`: by all nodes, lately; none, as long as not all have told. `to_all`: an event that every node must take.
 
@@ -49,13 +63,13 @@ class Mover:
         when all have claimed it.
         """
         self._moves, self._clock, self._workers, self._told, self._to_all, self._left_s = moves, clock, workers, told, to_all, left_s
-        self._noted = noted
+        self._noted, self._pace = noted, pace
         self._took_s = 0.0
 
     async def run(self) -> None:
         """Move cells after every round, until cancelled, or until a node cannot."""
         while True:
-            await self._clock.sleep(max(LOOK_S, REST * self._took_s))
+            await self._clock.sleep(max(self._pace.look_s, self._pace.rest * self._took_s))
             told = self._told()
             if not told or not self._moves.is_due(told) or not self._is_worth(told):
                 continue
@@ -76,7 +90,7 @@ class Mover:
             self._noted(after, is_claimed=True)
 
     def _is_worth(self, told: Sequence[Told]) -> bool:
-        return self._left_s() * self._moves.idle_share(told) >= WORTH * self._took_s
+        return self._left_s() * self._moves.idle_share(told) >= self._pace.worth * self._took_s
 
     async def _fetched(self, after: Partition) -> bool:
         refused = ""

@@ -35,7 +35,7 @@ from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
 from scenefold.render.pool.kept_film import ComingFilm, check_memory, film_size, packed_film, stage_end, unpack_film
 from scenefold.render.pool.levels import pieces
-from scenefold.render.pool.mover import Mover
+from scenefold.render.pool.mover import USUAL_PACE, Mover, Pace
 from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.request import Keep, RenderRequest
@@ -63,10 +63,17 @@ class Organiser:
     """One job, from the request to the image."""
 
     def __init__(
-        self, host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, own_part: Callable[[int], Part], quiet: QuietLog
+        self,
+        host: Host,
+        renderer: Renderer,
+        request: RenderRequest,
+        keys: EpochKeys,
+        own_part: Callable[[int], Part],
+        quiet: QuietLog,
+        pace: Pace = USUAL_PACE,
     ) -> None:
         """`keys`: those of the request, opened; both dropped as soon as the job is made. `own_part(job)`: this node's own part in a job."""
-        self._host, self._renderer, self._own_part, self._quiet = host, renderer, own_part, quiet
+        self._host, self._renderer, self._own_part, self._quiet, self._pace = host, renderer, own_part, quiet, pace
         self._id = request.job
         self._request: RenderRequest | None = request
         self._keys: EpochKeys | None = keys
@@ -358,7 +365,8 @@ class Organiser:
         if rule is None or len(company.nodes) == 1:
             return None
         moves = Moves(rule, attempts.partition, boxes[0], boxes[1:], before=self._told())
-        return Mover(moves, self._host.world.clock, self._host.world.workers, self._told, self._tell, self._left_s, self._noted_move)
+        world = self._host.world
+        return Mover(moves, world.clock, world.workers, self._told, self._tell, self._left_s, self._noted_move, self._pace)
 
     def _noted_move(self, partition: Partition, *, is_claimed: bool) -> None:
         assert self._attempts is not None

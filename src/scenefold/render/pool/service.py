@@ -16,6 +16,7 @@ from scenefold.render.contract import Renderer, load_renderer
 from scenefold.render.job import Job
 from scenefold.render.pool.hold import LOOK_S
 from scenefold.render.pool.host import Host
+from scenefold.render.pool.mover import USUAL_PACE, Pace
 from scenefold.render.pool.organiser import Organiser
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.places import Places
@@ -58,8 +59,9 @@ _Arguments = TypeVarTuple("_Arguments")
 class RenderService:
     """All jobs on one node."""
 
-    def __init__(self, host: Host, renderer: str = "embree") -> None:
-        self._host = host
+    def __init__(self, host: Host, renderer: str = "embree", pace: Pace = USUAL_PACE) -> None:
+        """`pace`: of cells in jobs that this node organises."""
+        self._host, self._pace = host, pace
         self._renderer_name = renderer
         self._renderer: Renderer | None = None
         self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX)
@@ -126,7 +128,9 @@ class RenderService:
         request = RenderRequest.from_map(packet.job, document)
         keys = self._host.opened(request.keys, request.genesis, request.job)
         renderer = self._load()
-        organiser = self._organisers.take(packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part, self._quiet))
+        organiser = self._organisers.take(
+            packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part, self._quiet, self._pace)
+        )
         self._start(self._keep_organiser, packet.job, organiser)
 
     async def _keep_organiser(self, job: int, organiser: Organiser) -> None:

@@ -1,15 +1,15 @@
-"""Render services of several nodes in one process, without sockets: packets are encoded, decoded and handed over.
+"""Render services of several nodes in one process, without sockets or stores: packets are encoded, decoded and handed over.
 
-What the pool does between nodes is tested with this; that real nodes carry the packets is tested in tests/integration.
+For tests, and for measurements of what does not depend on a network. What is traced is traced by the real renderer.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import trio
 
@@ -19,13 +19,13 @@ from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SealingKey
 from scenefold.render.arrays import F32
+from scenefold.render.in_memory import RecordsInMemory
 from scenefold.render.job import RenderOptions
+from scenefold.render.pool.mover import Pace
 from scenefold.render.pool.request import Keep, RenderRequest, organiser_of
 from scenefold.render.pool.service import RenderService
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys, seal_keys
 from scenefold.scene.head import SceneHead
-from scenefold.scene.importers import read_scene
-from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
     CancelJob,
@@ -42,7 +42,8 @@ from scenefold.wire import (
 )
 from scenefold.world import World
 
-Records = dict[tuple[SpaceId, Location], bytes]
+Records = Mapping[tuple[SpaceId, Location], bytes]
+P = TypeVar("P", bound="MemoryPool")
 USER = "user:test"
 CLUSTER, GENESIS = bytes(16), bytes(32)
 SCENE_KEY = b"the key of the scene, 24"
@@ -50,7 +51,7 @@ SCENE_KEY = b"the key of the scene, 24"
 
 def records_of(path: Path) -> Records:
     """All records that the import of a file makes."""
-    return {(item.space, item.location): item.payload for item in ImportPlan(read_scene(path)).items()}
+    return RecordsInMemory(path).records
 
 
 class MemoryReader:
@@ -111,11 +112,14 @@ class MemoryHost:
     async def run(self, *, task_status: trio.TaskStatus[None]) -> None:
         """Serve until it dies."""
         with self.life:
-            await RenderService(self).run(task_status=task_status)
+            await RenderService(self, pace=self._pool.pace).run(task_status=task_status)
 
 
 class MemoryPool:
     """Nodes 127.0.0.2 and up; `ask` speaks to them as a user."""
+
+    pace = Pace(look_s=0.01)
+    """Of cells: rehearsals are short."""
 
     def __init__(self, world: World, records: Records, count: int) -> None:
         self.world, self.records = world, records
@@ -211,15 +215,21 @@ class MemoryPool:
 
 
 @asynccontextmanager
-async def memory_pool(world: World, records: Records, count: int) -> AsyncIterator[MemoryPool]:
-    """A pool whose services run inside the block."""
-    pool = MemoryPool(world, records, count)
+async def running(pool: P) -> AsyncIterator[P]:
+    """With its services, which end with the block."""
     async with trio.open_nursery() as nursery:
         pool.nursery = nursery
         for host in pool.hosts.values():
             await nursery.start(host.run)
         yield pool
         nursery.cancel_scope.cancel()
+
+
+@asynccontextmanager
+async def memory_pool(world: World, records: Records, count: int) -> AsyncIterator[MemoryPool]:
+    """A pool whose services run inside the block."""
+    async with running(MemoryPool(world, records, count)) as pool:
+        yield pool
 
 
 def sha256_of(layer: F32 | bytes) -> str:

@@ -1,0 +1,1 @@
+"""Renders by several nodes in one process, in fair and foul weather: for tests and measurements."""
