@@ -133,6 +133,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
                 told_to(strike, render_progress(progress)),
                 tell=partial(_tell_left_out, job),
                 lost=_tell_lost,
+                back=_tell_back,
                 organised_by=None if strike is None else strike.spare,
                 anew=_tell_anew,
                 resume=job.resume,
@@ -171,7 +172,11 @@ def report_text(report: dict[str, Any]) -> str:
         ("rays_passed_per_path", "rays passed per path"),
         ("bytes_passed", "bytes passed between nodes"),
         ("cells_moved", "moves of cells"),
-        *((("nodes_lost", "nodes lost on the way"), ("passes_traced_again", "passes traced again")) if report.get("nodes_lost") else ()),
+        *(
+            (("nodes_lost", "nodes lost on the way"), ("nodes_back", "of them back"), ("passes_traced_again", "passes traced again"))
+            if report.get("nodes_lost")
+            else ()
+        ),
         ("efficiency", "efficiency"),
     ):
         if report.get(key) is not None:
@@ -208,6 +213,10 @@ def _tell_left_out(job: StillJob, renderers: Renderers) -> None:
 
 def _tell_lost(address: str) -> None:
     note(f"note: node {address} is lost: the others take its part of the scene over, and trace again what only it had")
+
+
+def _tell_back(address: str) -> None:
+    note(f"note: node {address} is back, and takes part again")
 
 
 def _tell_anew(begun: Begun) -> None:
@@ -317,7 +326,7 @@ def _value_text(key: str, value: Any) -> str:
     if key == "bytes_passed":
         return size_text(value)
     if isinstance(value, list):
-        return ", ".join(value)
+        return ", ".join(value) or "none"
     if isinstance(value, float):
         return f"{value:,.3f}" if value < 100 else f"{value:,.0f}"
     return f"{value:,}" if isinstance(value, int) else str(value)

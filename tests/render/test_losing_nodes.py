@@ -15,7 +15,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.render.algorithms import ALGORITHMS
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
-from scenefold.render.pool import organiser
+from scenefold.render.pool import comebacks, organiser
 from scenefold.render.pool.request import Keep, organiser_of
 from scenefold.render.rehearsal.pool import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.wire import FilmPart, JobEvent, MergeFilm, Packet, unpack_value
@@ -133,6 +133,57 @@ async def test_a_node_that_was_started_anew_knows_nothing_of_the_job_and_is_lost
         again, _ = await pool.render(JOB + 1, replace(OPTIONS, samples=4))
         assert again
     assert sha256_of(image) == await trio.to_thread.run_sync(alone, OPTIONS)
+
+
+@pytest.fixture
+def comes_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who is back is seen soon, and joins whatever that costs."""
+    monkeypatch.setattr(comebacks, "LOOK_S", 0.02)
+    monkeypatch.setattr(organiser, "COMEBACK_S", 0.05)
+    monkeypatch.setattr(organiser, "COMEBACK_WORTH", 0.0)
+
+
+@pytest.mark.usefixtures("comes_soon")
+@pytest.mark.parametrize("was_started_anew", [True, False], ids=["started anew", "cut off"])
+async def test_a_node_that_comes_back_takes_part_again(
+    room: Records, alone: Callable[[RenderOptions], str], was_started_anew: bool
+) -> None:
+    """One that was only cut off has passes in its film that others have by now: it begins with nothing."""
+    options = replace(OPTIONS, samples=640)
+    async with memory_pool(offline_world(), room, 4) as pool:
+        owner = await pool.start(JOB, options)
+        await closed(pool, owner, 4)
+        victim = others(pool)[1]
+        if was_started_anew:
+            pool.kill(victim)
+        pool.hosts[victim].away = True
+        while not (await pool.state(JOB, owner))["lost"]:
+            await pool.world.clock.sleep(0.01)
+        if was_started_anew:
+            await pool.restart(victim)
+        pool.hosts[victim].away = False
+        image, state = await pool.finished(JOB, owner)
+        (told,) = [node for node in state["nodes"] if node["address"] == address_of(victim)]
+    assert state["back"] == state["lost"] == [address_of(victim)] and state["attempts"] == 3
+    assert told["casts"] > 0 and told["attempt"] == 2
+    assert sha256_of(image) == await trio.to_thread.run_sync(alone, options)
+
+
+@pytest.mark.usefixtures("comes_soon")
+@pytest.mark.expect_log("are back")
+async def test_nodes_die_and_come_back_all_the_time(room: Records, alone: Callable[[RenderOptions], str]) -> None:
+    options = replace(OPTIONS, samples=640)
+    async with memory_pool(offline_world(), room, 4) as pool:
+        owner = await pool.start(JOB, options)
+        for turn, victim in enumerate((*others(pool), *others(pool)[:2])):
+            while (state := await pool.state(JOB, owner))["closed"] < 4 + 6 * turn or len(state["back"]) < turn:
+                assert state["phase"] in ("preparing", "rendering")
+                await pool.world.clock.sleep(0.01)
+            pool.kill(victim)
+            await pool.restart(victim)
+        image, state = await pool.finished(JOB, owner)
+    assert len(state["lost"]) == 5 and len(state["back"]) >= 4
+    assert sha256_of(image) == await trio.to_thread.run_sync(alone, options)
 
 
 async def test_what_a_node_says_that_is_thought_lost_is_refused_and_counted(room: Records, alone: Callable[[RenderOptions], str]) -> None:

@@ -16,7 +16,7 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.layers import USUAL, Pixels, unpacked
 from scenefold.render.lens import lens_of
 from scenefold.render.levels import adaptive_of
-from scenefold.render.one_image import OneImage
+from scenefold.render.one_image import OneImage, Told, nobody
 from scenefold.render.sampling import USUAL_SAMPLING, Sampling
 from scenefold.render.watch import Progress
 from scenefold.render.window import Window
@@ -142,7 +142,8 @@ async def render_still(
     *,
     tell: Callable[[Renderers], None] | None = None,
     organised_by: Callable[[str], None] | None = None,
-    lost: Callable[[str], None] | None = None,
+    lost: Told = nobody,
+    back: Told = nobody,
     anew: Callable[[Begun], None] | None = None,
     resume: Path | None = None,
 ) -> StillResult:
@@ -155,14 +156,14 @@ async def render_still(
     The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. They are
     chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
     of them before anything else happens, `organised_by` then the address of the one that organises the render; `lost` those of others that die
-    on the way, and `anew` why the render is begun anew. LocalFault if there is none.
+    on the way, `back` those of them that take part again, and `anew` why the render is begun anew. LocalFault if there is none.
     """
     options.checked()
     # Who must wait for a node that says nothing hears at least that something goes on.
     progress("prepare", 0, 1)
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
-    wish = OneImage(cluster, scene, wanted, resume, progress, lost)
+    wish = OneImage(cluster, scene, wanted, resume, progress, lost, back)
     tries, silent = Tries(), frozenset[NodeId]()
     while True:
         try:

@@ -21,6 +21,13 @@ from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.render.watch import Keeper, Progress, Watch
 from scenefold.scene.head import NO_HEAD, SceneHead
 
+Told = Callable[[str], object]
+"""Hears an address."""
+
+
+def nobody(_address: str) -> None:
+    """Who wants to hear of no node."""
+
 
 class Choice(NamedTuple):
     """Who renders it, who of these organises that, under which job and with which keys."""
@@ -41,10 +48,12 @@ class OneImage:
         wanted: RenderOptions,
         resume: Path | None,
         progress: Progress,
-        lost: Callable[[str], None] | None,
+        lost: Told = nobody,
+        back: Told = nobody,
     ) -> None:
+        """`lost`, `back`: told the addresses of nodes that die on the way, and of those that take part again."""
         self._cluster, self._scene, self._wanted, self._resume = cluster, scene, wanted, resume
-        self._progress, self._lost = progress, lost
+        self._progress, self._lost, self._back = progress, lost, back
         self._keeper: Keeper | None = None
         self.asked: set[NodeId] = set()
         """Who was to render it so far."""
@@ -83,15 +92,18 @@ class OneImage:
                 if kept is not None:
                     await watch.send_film(kept.film)
                     kept = None
-                state = await watch.until_done(self._progress, keeper, lambda one: self._is_lost(one, addresses))
+                told = (partial(_tell_of, addresses, hears) for hears in (self._lost, self._back))
+                state = await watch.until_done(self._progress, keeper, *told)
                 report = report_of(state.document, wanted, addresses, asked)
                 return await watch.fetch(image_size(wanted), partial(self._progress, "fetch")), report
             finally:
                 await watch.let_go()
 
-    def _is_lost(self, address: str, chosen: Collection[str]) -> None:
-        if self._lost is not None and address in chosen:
-            self._lost(address)
+
+def _tell_of(chosen: Collection[str], hears: Told, address: str) -> None:
+    """Nobody else is heard of, whatever the organiser says."""
+    if address in chosen:
+        hears(address)
 
 
 def _head(scene: Scene, identity: SceneIdentity) -> SceneHead:

@@ -58,7 +58,9 @@ class Stand:
     failure_reason: int
     failure: str
     lost: tuple[str, ...]
-    """Addresses of nodes that died meanwhile, as the organiser says."""
+    """Addresses of nodes that died meanwhile, as the organiser says;"""
+    back: tuple[str, ...]
+    """and of those that took part again later."""
     document: dict[str, Any]
     """All of it, unread."""
 
@@ -72,8 +74,9 @@ def stand_of(packed: bytes, where: str) -> Stand:
         passes = whole(document["passes"], 0, _COUNT_MAX)
         reason, failure = whole(document["failure_reason"], 0, 255), text(document["failure"])
         closed, kept = whole(document["closed"], 0, passes), whole(document["kept_passes"], 0, passes)
-        content, lost = exactly(document["content"], HASH_BYTES), tuple(map(_short, _few(document["lost"], POOL_NODES_MAX)))
-        return Stand(document["phase"], closed, passes, kept, content, reason, failure, lost, document)
+        lost, back = (tuple(map(_short, _few(document[name], POOL_NODES_MAX))) for name in ("lost", "back"))
+        content = exactly(document["content"], HASH_BYTES)
+        return Stand(document["phase"], closed, passes, kept, content, reason, failure, lost, back, document)
 
 
 def image_size(options: RenderOptions) -> int:
@@ -97,8 +100,8 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         whole(state["image_bytes"], size, size)
         paths, passes = whole(state["paths"], least.paths, plan.paths), whole(state["passes"], least.count, plan.count)
         before, moved = whole(state["paths_before"], 0, paths), whole(state["moved"], 0, _COUNT_MAX)
-        attempts, again = whole(state["attempts"], 1, POOL_NODES_MAX), whole(state["passes_again"], 0, _COUNT_MAX)
-        lost = [_one_of(address, chosen) for address in _few(state["lost"], POOL_NODES_MAX)]
+        attempts, again = whole(state["attempts"], 1, _COUNT_MAX), whole(state["passes_again"], 0, _COUNT_MAX)
+        lost, back = ([_one_of(address, chosen) for address in _few(state[name], POOL_NODES_MAX)] for name in ("lost", "back"))
         seconds = {_short(name): _seconds(value) for name, value in _few(state["seconds"].items(), _STEPS_MAX)}
         nodes = [_node(row, chosen) for row in _few(state["nodes"], POOL_NODES_MAX)]
         if not nodes:
@@ -120,6 +123,7 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         "cells_moved": moved,
         "attempts": attempts,
         "nodes_lost": lost,
+        "nodes_back": back,
         "passes_traced_again": again,
         "rays_passed": passed,
         "rays_passed_per_path": passed / paths,

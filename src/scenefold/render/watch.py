@@ -69,9 +69,14 @@ class Watch:
             if answer.reason:
                 raise error_of(answer.reason, answer.text, where=self._address)
 
-    async def until_done(self, progress: Progress, keeper: Keeper | None = None, lost: Callable[[str], object] = str) -> Stand:
-        """How it stands at the end; what it keeps on the way is written down, and who is lost is told. PeerFault if the organiser says what makes no sense."""
-        clock, is_prepared, lost_so_far = self._cluster.calls.world.clock, False, 0
+    async def until_done(
+        self, progress: Progress, keeper: Keeper | None = None, lost: Callable[[str], object] = str, back: Callable[[str], object] = str
+    ) -> Stand:
+        """How it stands at the end; what it keeps on the way is written down, and who is lost, or back, is told.
+
+        PeerFault if the organiser says what makes no sense.
+        """
+        clock, is_prepared, lost_so_far, back_so_far = self._cluster.calls.world.clock, False, 0, 0
         while True:
             try:
                 reply = await self._ask(JobState(job=self._job), JobStateReply)
@@ -84,7 +89,9 @@ class Watch:
                 raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
             for address in stand.lost[lost_so_far:]:
                 lost(address)
-            lost_so_far = len(stand.lost)
+            for address in stand.back[back_so_far:]:
+                back(address)
+            lost_so_far, back_so_far = len(stand.lost), len(stand.back)
             if stand.phase in ("rendering", "done") and not is_prepared:
                 is_prepared = True
                 progress("prepare", 1, 1)

@@ -107,23 +107,36 @@ class Pool:
         return True
 
     def begin_again(self) -> None:
-        """Others die, until an attempt begins; or nobody is left that may."""
+        """Others die, and some come back, until an attempt begins; or nobody is left that may."""
         while len(self.roster.nodes) > 1:
             others = [node for node in self.roster.nodes if node != self.roster.organiser]
-            lost = self.data.draw(st.sets(st.sampled_from(others), min_size=1))
-            self.roster = self.roster.without(lost)
-            for node in self.roster.nodes:
-                self.films[node].forget_gathered(self.gathered)
-                self.films[node].adopt(self.roster.nodes)
-            sets = [self.films[node].own.passes for node in self.roster.nodes]
-            union = frozenset().union(*sets)
-            assert len(union) == sum(map(len, sets)), "a pass is in two films"
-            for node in self.roster.nodes:
-                own = self.films[node].own
-                assert b"".join(own.film.parts()) == film_of(own.passes), "a film is that of its set"
-            if self.gather():
-                self.done = union
+            if self.change(self.data.draw(st.sets(st.sampled_from(others), min_size=1)), set()):
                 return
+
+    def come_back(self) -> None:
+        """Some that died take part again, with nothing in their films."""
+        missing = [node for node in NODES if node not in self.roster.nodes]
+        back = self.data.draw(st.sets(st.sampled_from(missing), min_size=1))
+        self.films |= {node: Films(SMALL) for node in back}
+        if not self.change(set(), back):
+            self.begin_again()
+
+    def change(self, lost: set[NodeId], back: set[NodeId]) -> bool:
+        """Whether the next attempt began."""
+        self.roster = self.roster.changed(self.job, lost, back)
+        for node in self.roster.nodes:
+            self.films[node].forget_gathered(self.gathered)
+            self.films[node].adopt(self.roster.nodes)
+        sets = [self.films[node].own.passes for node in self.roster.nodes]
+        union = frozenset().union(*sets)
+        assert len(union) == sum(map(len, sets)), "a pass is in two films"
+        for node in self.roster.nodes:
+            own = self.films[node].own
+            assert b"".join(own.film.parts()) == film_of(own.passes), "a film is that of its set"
+        if not self.gather():
+            return False
+        self.done = union
+        return True
 
 
 @settings(max_examples=150, deadline=None)
@@ -133,7 +146,10 @@ def test_each_pass_counts_once_whoever_dies_when(data: st.DataObject) -> None:
     pool = Pool(data, SMALL, Roster.first(SMALL, organiser), {node: Films(SMALL) for node in NODES})
     while len(pool.roster.nodes) > 1 and data.draw(st.booleans()):
         pool.work()
-        pool.begin_again()
+        if len(pool.roster.nodes) < len(NODES) and data.draw(st.booleans()):
+            pool.come_back()
+        else:
+            pool.begin_again()
     for number in range(PASSES):
         pool.close(number, is_copied=True)
     while not pool.gather():
@@ -154,7 +170,7 @@ def test_what_was_copied_is_not_traced_again() -> None:
         add(films[NODES[dead]], number)
     for number in (4, 7, 4):
         add(films[NODES[3]], number, of=NODES[dead])
-    after = roster.without([NODES[dead]])
+    after = roster.changed(SMALL, [NODES[dead]], [])
     films[NODES[3]].adopt(after.nodes)
     assert films[NODES[3]].own.passes == {4, 7}
     assert b"".join(films[NODES[3]].own.film.parts()) == film_of([4, 7])
@@ -208,7 +224,7 @@ def test_what_is_no_set_of_passes_is_refused(bits: object, count: int) -> None:
 
 
 def test_a_roster_round_trips() -> None:
-    roster = Roster.first(SMALL, NODES[1]).without([NODES[3]]).without([NODES[0]])
+    roster = Roster.first(SMALL, NODES[1]).changed(SMALL, [NODES[3], NODES[2]], []).changed(SMALL, [NODES[0]], [NODES[2]])
     assert roster == Roster(2, (NODES[1], NODES[2], NODES[4]), NODES[1])
     assert Roster.from_document(roster.document(), SMALL, NODES[1], NODES[4]) == roster
     assert [roster.place(node) for node in NODES] == [None, 0, 1, None, 2]

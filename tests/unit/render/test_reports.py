@@ -64,6 +64,7 @@ STATE: dict[str, Any] = {
     "attempts": 2,
     "passes_again": 5,
     "lost": [ADDRESSES[1]],
+    "back": [ADDRESSES[1]],
     "kept_passes": 0,
     "content": bytes(32),
     "seconds": {"plan": 0.5, "render": 2.0},
@@ -132,6 +133,8 @@ def test_every_entry_is_needed(key: str) -> None:
         ("lost", ["127.0.0.9"]),
         ("lost", ["127.0.0.2"] * 128),
         ("lost", [7]),
+        ("back", ["127.0.0.9"]),
+        ("back", [7]),
     ],
 )
 def test_what_makes_no_sense_is_the_organisers_fault(key: str, value: object) -> None:
@@ -190,15 +193,16 @@ async def test_each_phase_is_told_until_it_is_over_and_not_again(autojump_clock:
     assert told == [("prepare", 1, 1), ("render", 0, 1), ("render", 1, 1), ("render", 1, 1)]
 
 
-async def test_each_node_that_is_lost_is_told_once(autojump_clock: MockClock) -> None:
-    losses, told = iter(([], ADDRESSES[:1], ADDRESSES[:1], ADDRESSES)), list[str]()
+async def test_each_node_that_is_lost_or_back_is_told_once(autojump_clock: MockClock) -> None:
+    losses, told, back = iter(([], ADDRESSES[:1], ADDRESSES[:1], ADDRESSES)), list[str](), list[str]()
 
     def state(_packet: Packet) -> JobStateReply:
         lost = next(losses)
-        return JobStateReply(job=1, document=pack_value({**STATE, "phase": "done" if lost == ADDRESSES else "rendering", "lost": lost}))
+        phase = "done" if lost == ADDRESSES else "rendering"
+        return JobStateReply(job=1, document=pack_value({**STATE, "phase": phase, "lost": lost, "back": lost[:1]}))
 
-    await watch(state).until_done(nothing, lost=told.append)
-    assert told == ADDRESSES
+    await watch(state).until_done(nothing, lost=told.append, back=back.append)
+    assert (told, back) == (ADDRESSES, ADDRESSES[:1])
 
 
 async def test_an_organiser_that_is_lost_is_said_to_be_it() -> None:

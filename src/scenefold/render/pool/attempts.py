@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable, Collection
+from dataclasses import replace
 from functools import partial
 
 from scenefold.base.errors import PeerFault, ScenefoldError
@@ -11,10 +12,11 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.partition import Partition
 from scenefold.partition.dropped import without
 from scenefold.render.job import Job
-from scenefold.render.pool.company import Company, NodesLost, is_away, lost_of
+from scenefold.render.pool.company import Company, NodesBack, NodesLost, back_of, is_away, lost_of
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
+from scenefold.render.pool.roster import Roster
 from scenefold.world import Clock, leaves
 
 GATHER_S_MAX = 90.0
@@ -27,9 +29,11 @@ _log = logging.getLogger("scenefold.render.pool")
 class Attempts:
     """Of one job."""
 
-    def __init__(self, job: Job, company: Company, part: Callable[[], Part], clock: Clock, before: int) -> None:
-        """`part`: this node's own. `before`: passes below this number are in its film."""
-        self._job, self._company, self._part, self._clock = job, company, part, clock
+    def __init__(
+        self, job: Job, company: Company, part: Callable[[], Part], clock: Clock, before: int, fresh: Callable[[int], Awaitable[Partition]]
+    ) -> None:
+        """`part`: this node's own. `before`: passes below this number are in its film. `fresh`: cells for so many nodes, by where geometry lies."""
+        self._job, self._company, self._part, self._clock, self._fresh = job, company, part, clock, fresh
         self._gatherings = 0
         self._cells_of = job.nodes
         self.partition: Partition = job.partition
@@ -37,10 +41,17 @@ class Attempts:
         self.newest_epoch = job.partition.epoch
         """That any was told of."""
         self.base = before
-        """Passes that were done when this attempt began."""
+        """Passes that were done when this attempt began;"""
+        self.top = before
+        """all of them are below this one."""
         self.traced_again = 0
         """Passes that were opened, and are not done."""
         self.lost: list[NodeId] = []
+        """In the order in which they were, each as often as it was;"""
+        self.back: list[NodeId] = []
+        """and those that came back."""
+        self.took_s = 0.0
+        """To begin the last time, from the loss on."""
         self._closed_before: int | None = None
         """While nobody traces."""
 
@@ -81,37 +92,61 @@ class Attempts:
             failed = True
         return not failed
 
-    async def begin_again(self, lost: NodesLost) -> None:
-        """With those that are left, until all of them trace again. The error if that cannot be."""
-        missing: NodesLost | None = lost
+    async def begin_again(self, change: NodesLost | NodesBack) -> None:
+        """With those that are left, and those that are back, until all of them trace again. The error if that cannot be."""
+        next_change: NodesLost | NodesBack | None = change
         self._closed_before = self.closed
-        while missing is not None:
-            missing = await or_lost(partial(self._begin, missing))
+        begun = self._clock.now()
+        while next_change is not None:
+            next_change = await or_changed(partial(self._begin, next_change))
         self._closed_before = None
+        self.took_s = self._clock.now() - begun
 
-    async def _begin(self, lost: NodesLost) -> None:
+    async def _begin(self, change: NodesLost | NodesBack) -> None:
         job, company = self._job, self._company
-        self._check(lost)
         opened, base = self._told("opened"), self.base
-        company.roster = roster = company.roster.without(lost.nodes)
-        self.lost += sorted(lost.nodes)
-        words = ", ".join(map(address_of, sorted(lost.nodes)))
-        _log.warning("job %016x: lost %s (%s); %d of %d nodes go on", job.id, words, lost.error, len(roster.nodes), len(job.nodes))
+        if isinstance(change, NodesLost):
+            self._check(change)
+            company.roster = company.roster.changed(job, change.nodes, ())
+            self.lost += sorted(change.nodes)
+        else:
+            company.roster = company.roster.changed(job, (), change.nodes)
+            self.back += sorted(change.nodes)
+        roster = company.roster
+        self._say(change)
         await company.tell({**roster.document(), "gathered": self._gathered})
         await company.look()
         ours, theirs = self._sets(roster.organiser)
         done = ours | theirs
-        self.base = len(done)
+        self.base, self.top = len(done), max(done, default=-1) + 1
         self.traced_again += max(0, opened - (len(done) - base))
         if theirs:
             await self.gather(theirs)
-        gone = [cell for cell, node in enumerate(self._cells_of) if node not in roster.nodes]
-        after = without(self.partition, gone, self.newest_epoch + 1)
+        after = await self._cells(roster)
         self.newest_epoch = after.epoch
         async with company.watched():
             await company.tell({"fetch": dict(after.to_document())}, PREPARE_S_MAX)
         await company.tell({"begin": roster.attempt, "epoch": after.epoch, "done": bits_of(done, job.plan.count)})
         self.partition, self._cells_of = after, roster.nodes
+
+    async def _cells(self, roster: Roster) -> Partition:
+        """Those of before without the cells of who is lost; with others, new ones for all."""
+        epoch = self.newest_epoch + 1
+        if set(roster.nodes) <= set(self._cells_of):
+            return without(self.partition, [cell for cell, node in enumerate(self._cells_of) if node not in roster.nodes], epoch)
+        return replace(await self._fresh(len(roster.nodes)), epoch=epoch)
+
+    def _say(self, change: NodesLost | NodesBack) -> None:
+        words, count = ", ".join(map(address_of, sorted(change.nodes))), len(self._company.nodes)
+        if isinstance(change, NodesLost):
+            _log.warning("job %016x: lost %s (%s); %d of %d nodes go on", self._job.id, words, change.error, count, len(self._job.nodes))
+        else:
+            _log.warning("job %016x: %s are back; %d of %d nodes go on", self._job.id, words, count, len(self._job.nodes))
+
+    @property
+    def missing(self) -> tuple[NodeId, ...]:
+        """Nodes of the job that take no part at present."""
+        return tuple(node for node in self._job.nodes if node not in self._company.nodes)
 
     def _sets(self, organiser: NodeId) -> tuple[frozenset[int], frozenset[int]]:
         """The passes in our film, and in all others. PeerFault if one is in two of them."""
@@ -131,13 +166,13 @@ class Attempts:
         return sum(count for count in counts if isinstance(count, int))
 
 
-async def or_lost(do: Callable[[], Awaitable[None]]) -> NodesLost | None:
-    """Do it; who was lost meanwhile, if that is why it failed."""
+async def or_changed(do: Callable[[], Awaitable[None]]) -> NodesLost | NodesBack | None:
+    """Do it; who was lost meanwhile, if that is why it failed, or else who is back."""
     try:
         await do()
     except Exception as error:
-        lost = lost_of(error)
-        if lost is None:
+        change = lost_of(error) or back_of(error)
+        if change is None:
             raise
-        return lost
+        return change
     return None

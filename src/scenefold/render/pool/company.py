@@ -35,6 +35,14 @@ class NodesLost(Exception):
         self.nodes, self.error = frozenset(nodes), error
 
 
+class NodesBack(Exception):
+    """Some nodes of a job that were lost are ready to take part again, and nothing is open."""
+
+    def __init__(self, nodes: Collection[NodeId]) -> None:
+        super().__init__("nodes are back")
+        self.nodes = frozenset(nodes)
+
+
 class Apart(NamedTuple):
     """A node says that it does not reach another one."""
 
@@ -141,12 +149,19 @@ def who_go(away: Sequence[Apart], organiser: NodeId) -> dict[NodeId, Apart]:
 
 
 def lost_of(error: BaseException) -> NodesLost | None:
-    """Who was lost, if nothing else happened: what failed because of them is no other error. None else."""
+    """Who was lost, if nothing else happened: what failed because of them is no other error. Who is back can wait. None else."""
     found = list(leaves(error)) if isinstance(error, BaseExceptionGroup) else [error]
     lost = [one for one in found if isinstance(one, NodesLost)]
-    if not lost or not all(isinstance(one, NodesLost) or is_away(one) for one in found):
+    if not lost or not all(isinstance(one, NodesLost | NodesBack) or is_away(one) for one in found):
         return None
     return NodesLost({node for one in lost for node in one.nodes}, lost[0].error)
+
+
+def back_of(error: BaseException) -> NodesBack | None:
+    """Who is back, if nothing else happened."""
+    found = list(leaves(error)) if isinstance(error, BaseExceptionGroup) else [error]
+    back = [one for one in found if isinstance(one, NodesBack)]
+    return back[0] if len(back) == len(found) else None
 
 
 def is_away(error: BaseException) -> bool:

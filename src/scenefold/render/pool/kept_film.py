@@ -45,10 +45,10 @@ def unpack_film(payload: bytes, film: Film) -> GoesOn:
     return np.unpackbits(bits, count=len(words), bitorder="little") if len(bits) else EVERY_ROW
 
 
-def stage_end(done: int, level_end: int, nodes: int, passes_per_second: float | None) -> int:
+def stage_end(done: int, level_end: int, nodes: int, passes_per_second: float | None, seconds: float = STAGE_S) -> int:
     """Up to which pass the next ones are rendered before the film is kept again; None: nothing was rendered yet."""
     least = nodes * FIRST_STAGE_PASSES
-    return min(level_end, done + (least if passes_per_second is None else max(least, int(passes_per_second * STAGE_S))))
+    return min(level_end, done + (least if passes_per_second is None else max(least, int(passes_per_second * seconds))))
 
 
 def check_memory(pixels: int, columns: SumColumns, nodes: int, may: int) -> None:

@@ -15,31 +15,33 @@ import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
+from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
 from scenefold.render.adaptive import going_on
 from scenefold.render.algorithms import rule_of
 from scenefold.render.arrays import F64
 from scenefold.render.content import pair_boxes
-from scenefold.render.contract import Renderer, check_layers_written
+from scenefold.render.contract import Renderer
 from scenefold.render.developing import Box, develop
 from scenefold.render.film import EVERY_ROW, Film
-from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job
 from scenefold.render.layers import packed
-from scenefold.render.numbers import camera_numbers, depth_of_box, job_box
-from scenefold.render.pool.attempts import Attempts, or_lost
-from scenefold.render.pool.company import ASK_S_MAX, Company, NodesLost
+from scenefold.render.numbers import depth_of_box, job_box
+from scenefold.render.pool.attempts import Attempts, or_changed
+from scenefold.render.pool.comebacks import Comebacks
+from scenefold.render.pool.company import ASK_S_MAX, Company, NodesBack, NodesLost
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
-from scenefold.render.pool.kept_film import ComingFilm, check_memory, film_size, packed_film, stage_end, unpack_film
+from scenefold.render.pool.kept_film import ComingFilm, film_size, packed_film, stage_end, unpack_film
 from scenefold.render.pool.levels import pieces
 from scenefold.render.pool.mover import USUAL_PACE, Mover, Pace
 from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.part import Part
+from scenefold.render.pool.planning import fresh_cells, planned
 from scenefold.render.pool.request import Keep, RenderRequest
-from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
+from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import failure_fields, failure_of, told
 from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_scene
 from scenefold.scene.log import EpochKeys
@@ -53,6 +55,12 @@ UPLOAD_S_MAX = 900.0
 """A film to go on from, 4 MiB at a time, over whatever line the client has."""
 _ANEW = "remove the file of the kept render to begin anew"
 POLL_S = 0.2
+COMEBACK_S = 10.0
+"""While nodes are missing, so often nothing is open for a moment, and who is back may join."""
+COMEBACK_WORTH = 2.0
+"""Who is back joins if that saves so many times what it takes,"""
+COMEBACK_TAKES_S = 1.0
+"""which is so much at least."""
 KEEP_S = 600.0
 """A finished image is kept this long for whoever asked for it,"""
 IDLE_S = 60.0
@@ -86,11 +94,12 @@ class Organiser:
         self._released_at = 0.0
         self._level, self._goes_on = 0, EVERY_ROW
         """What is traced."""
-        self._gathered_passes = 0
-        """All below this one are closed, and in our film."""
+        self._staged_passes, self._level_end = 0, 0
+        """All below the first one are closed; the level that is traced ends before the second."""
         self._seconds: dict[str, float] = {}
         self._keep = request.keep
-        self._algorithm = request.options.algorithm
+        self._algorithm, self._camera = request.options.algorithm, request.options.camera
+        self._comebacks: Comebacks | None = None
         self._digest = bytes(DIGEST_BYTES)
         self._before = 0 if request.keep is None else request.keep.passes
         self._paths_before = 0
@@ -163,21 +172,22 @@ class Organiser:
             "moved": self._moved,
             "attempts": 1 if self._company is None else 1 + self._company.roster.attempt,
             "passes_again": 0 if self._attempts is None else self._attempts.traced_again,
-            "lost": [] if self._attempts is None else [address_of(node) for node in self._attempts.lost],
+            "lost": [] if self._attempts is None else [address_of(node) for node in self._attempts.lost[:POOL_NODES_MAX]],
+            "back": [] if self._attempts is None else [address_of(node) for node in self._attempts.back[:POOL_NODES_MAX]],
             "image_bytes": len(self.image),
             "seconds": {name: float(value) for name, value in self._seconds.items()},
             "nodes": [
                 {"address": address_of(node), **states.get(node, {})}
                 for node in (() if self._job is None else self._job.nodes)
                 # A node that was lost before it said anything has done nothing.
-                if self._attempts is None or node in states or node not in self._attempts.lost
+                if self._attempts is None or node in states or node not in self._attempts.missing
             ],
         }
 
     async def _render(self) -> None:
         assert self._keys is not None and self._request is not None
         with _Timed(self, "plan"):
-            job, tables = await self._plan(self._request, self._keys)
+            job, tables = await planned(self._host, self._renderer, self._request, self._keys)
         self._job, self._keys, self._request = job, None, None
         async with trio.open_nursery() as nursery:
             nursery.start_soon(keep_places, self._host, job, self._nodes_now)
@@ -197,15 +207,22 @@ class Organiser:
             self._phase = "rendering"
             with _Timed(self, "render"):
                 await self._film_before(job)
-                self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), self._host.world.clock, self._before)
+                clock, fresh = self._host.world.clock, partial(fresh_cells, self._host, tables, self._algorithm, self._camera)
+                self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), clock, self._before, fresh)
                 await company.tell({"go": True, "from": self._before})
         except NodesLost as lost:
             # Nothing is traced yet, and whoever wants the image may choose again who renders it.
             raise lost.error from None
         boxes = await self._host.world.workers.run(LANE, _boxes_of, tables) if job.moves else None
-        while (missing := await or_lost(partial(self._attempt, job, boxes))) is not None:
-            with _Timed(self, "recover"):
-                await attempts.begin_again(missing)
+        self._comebacks = Comebacks(self._host, job, lambda: attempts.missing, self._is_comeback_worth)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(self._comebacks.run)
+            while (change := await or_changed(partial(self._attempt, job, boxes))) is not None:
+                with _Timed(self, "recover"):
+                    await attempts.begin_again(change)
+                if isinstance(change, NodesBack):
+                    self._comebacks.joined(change.nodes)
+            nursery.cancel_scope.cancel()
         self._phase, self._kept = "merging", (0, b"")
         with _Timed(self, "merge"):
             film = self._film(job)
@@ -216,6 +233,9 @@ class Organiser:
         """All that is left to trace, and all films into ours. NodesLost, maybe in a group."""
         assert self._attempts is not None
         self._released_at = self.now()
+        if self._keep is None:
+            # In a new attempt nothing is released yet.
+            self._begun_passes = min(self._begun_passes, self._attempts.top)
         with _Timed(self, "render"):
             async with trio.open_nursery() as nursery:
                 mover = None if boxes is None else await self._host.world.workers.run(FILM_LANE, self._mover_of, boxes)
@@ -238,7 +258,7 @@ class Organiser:
         self._goes_on = await self._host.world.workers.run(FILM_LANE, unpack_film, self._coming.film(), film)
         self._own_part(job.id).films.own.passes |= set(range(self._before))
         self._paths_before = int(film.rows.samples.sum(dtype=np.int64))
-        self._level, self._gathered_passes, self._begun_passes = job.plan.level_of(self._before - 1), self._before, self._before
+        self._level, self._staged_passes, self._begun_passes = job.plan.level_of(self._before - 1), self._before, self._before
 
     async def _render_levels(self, job: Job) -> None:
         """Level by level until the last one, or until no pixel goes on; without adaptive sampling there is one. It may be called again after a loss."""
@@ -257,14 +277,14 @@ class Organiser:
             self._level, self._goes_on = self._level + 1, goes_on
 
     async def _render_level(self, job: Job, end: int) -> None:
-        """In stages, if films are to be kept, after each of which one is."""
+        """In stages, if films are to be kept, after each of which one is; or if nodes are lost, which may take part again after each."""
         assert self._attempts is not None
-        rate = None
-        while self._gathered_passes < end:
-            done = self._gathered_passes
+        rate, self._level_end = None, end
+        while self._staged_passes < end:
+            done = self._staged_passes
             # After a loss the stage is the same one.
             if self._begun_passes <= done:
-                self._begun_passes = stage_end(done, end, len(job.nodes), rate) if self._keep is not None else end
+                self._begun_passes = self._stage_end(done, end, rate)
             # After a loss a part of the stage is closed already.
             begun, until, closed = self.now(), self._begun_passes, max(done, self._attempts.closed)
             await self._tell({"until": until})
@@ -274,10 +294,21 @@ class Organiser:
                 rate = (until - closed) / max(self.now() - begun, 1e-3)
             if until == job.plan.count:
                 return
-            await self._attempts.gather(range(until))
-            self._gathered_passes = until
+            self._staged_passes = until
+            if self._keep is not None or until == end:
+                # The next level goes on from what is in our film.
+                await self._attempts.gather(range(until))
             if self._keep is not None:
                 self._kept = until, await self._host.world.workers.run(FILM_LANE, packed_film, self._film(job), self._goes_on)
+            if self._comebacks is not None and (back := self._comebacks.ready()):
+                raise NodesBack(back)
+
+    def _stage_end(self, done: int, end: int, rate: float | None) -> int:
+        assert self._attempts is not None
+        count = len(self._company.nodes) if self._company is not None else 1
+        if self._keep is not None:
+            return stage_end(done, end, count, rate)
+        return stage_end(max(done, self._attempts.top), end, count, rate, COMEBACK_S) if self._attempts.missing else end
 
     def _nodes_now(self) -> Collection[NodeId]:
         return () if self._company is None else self._company.nodes
@@ -296,64 +327,6 @@ class Organiser:
         if self._kept[0] != passes or not passes:
             raise Refused(RejectReason.NOT_READY, "that film is kept no longer", remedy="ask for the newest one")
         return self._kept[1]
-
-    async def _plan(self, request: RenderRequest, keys: EpochKeys) -> tuple[Job, SceneTables]:
-        host, options = self._host, request.options
-        if self._keep is not None:
-            check_memory(options.window.pixels, options.columns, len(request.keys.nodes), host.memory_bytes)
-        async with host.reader(request.scene, request.genesis, keys, request.head) as reader:
-            tables = await read_tables(reader, host.world.workers)
-        job = await host.world.workers.run(LANE, self._make_job, request, tables)
-        return job, tables
-
-    def _make_job(self, request: RenderRequest, tables: SceneTables) -> Job:
-        options = request.options
-        check_layers_written(self._renderer, options.layers)
-        camera = tables.camera(options.camera)
-        if camera is None:
-            names = ", ".join(repr(known.name) for known in tables.cameras)
-            raise LocalFault(
-                f"the scene has no camera {options.camera!r}",
-                remedy=f"choose one of: {names}; where none is named it is that of `scenectl scene settings`",
-            )
-        nodes = self._nodes(request)
-        partition = first_cells(options.algorithm, len(nodes), tables, camera)
-        return Job(
-            id=request.job,
-            scene=request.scene,
-            genesis=request.genesis,
-            keys=request.keys,
-            content=tables.document.digest,
-            numeric_class=self._renderer.numeric_class(),
-            width=options.width,
-            height=options.height,
-            samples=options.samples,
-            seed=options.seed,
-            frame=0,
-            depth=options.depth,
-            sky=options.sky,
-            camera=camera_numbers(camera, options.width, options.height),
-            nodes=nodes,
-            partition=partition,
-            head=request.head,
-            layers=options.layers,
-            crop=options.crop,
-            lens=options.lens,
-            sampling=options.sampling,
-            environment_rotation=options.environment_rotation,
-            adaptive=options.adaptive,
-            mips=options.mips,
-            keeps=self._keep is not None,
-            moves=options.moving and len(nodes) > 1 and rule_of(options.algorithm) is not None,
-        )
-
-    def _nodes(self, request: RenderRequest) -> tuple[NodeId, ...]:
-        """Of those that the client named, the members. Nobody else: only for them are the keys, in what we hand on as in what we have."""
-        named = request.keys.nodes
-        nodes = tuple(node for node in self._host.nodes() if node in named)
-        if self._host.node_id not in nodes:
-            raise Refused(RejectReason.NOT_READY, "this node is no member of the cluster at the moment", remedy="start the render again")
-        return nodes
 
     def _mover_of(self, boxes: F64) -> Mover | None:
         """For this attempt; None if no rule moves its cells. In a worker: a scene may have many boxes, and a rule may be a package's.
@@ -375,11 +348,19 @@ class Organiser:
             self._attempts.partition = partition
             self._moved += 1
 
+    def _is_comeback_worth(self) -> bool:
+        """Whether those that are missing would save more time, of what is left, than it takes that they join."""
+        attempts, company = self._attempts, self._company
+        if attempts is None or company is None or not attempts.missing:
+            return False
+        saved = self._left_s() * len(attempts.missing) / len(attempts.missing + company.nodes)
+        return saved > COMEBACK_WORTH * max(attempts.took_s, COMEBACK_TAKES_S)
+
     def _left_s(self) -> float:
-        """Of the passes that are released; endless as long as none is closed."""
+        """Of the passes of the level; endless as long as none is closed."""
         assert self._attempts is not None
         closed = self._attempts.closed - self._attempts.base
-        left = self._begun_passes - self._attempts.closed
+        left = self._level_end - self._attempts.closed
         return (self.now() - self._released_at) * left / closed if closed else math.inf
 
     def _told(self) -> list[Told]:

@@ -29,9 +29,10 @@ class Roster:
         """All of the job."""
         return cls(0, job.nodes, organiser)
 
-    def without(self, lost: Collection[NodeId]) -> Roster:
-        """The next attempt, of those that are left."""
-        return Roster(self.attempt + 1, tuple(node for node in self.nodes if node not in lost), self.organiser)
+    def changed(self, job: Job, lost: Collection[NodeId], back: Collection[NodeId]) -> Roster:
+        """The next attempt, without those that are lost, and with those of the job that are back."""
+        stay = {*self.nodes, *back} - {*lost}
+        return Roster(self.attempt + 1, tuple(node for node in job.nodes if node in stay), self.organiser)
 
     def place(self, node: NodeId) -> int | None:
         """None if it takes no part."""
