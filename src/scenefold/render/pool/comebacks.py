@@ -16,7 +16,7 @@ from scenefold.render.pool.telling import error_of
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, pack_value
 
 LOOK_S = 2.0
-LOOK_S_MAX = 60.0
+LOOK_S_MAX = 16.0
 """Between two looks at a node that is lost; twice as long after each in vain."""
 COMEBACKS_MAX = 64
 """In a job. Whoever comes and goes is of no use."""
