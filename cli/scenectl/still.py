@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from scenefold.node.local import LocalCluster
     from scenefold.render.anew import Begun
     from scenefold.render.choice import LeftOut, Renderers
-    from scenefold.render.client import StillOptions
+    from scenefold.render.client import StillOptions, StillResult
     from scenefold.render.job import RenderOptions
     from scenefold.render.layers import Pixels
     from scenefold.scene.importers import Moment
@@ -121,21 +121,20 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
                     await cluster.scenes.create(job.scene_name, copies=1 if strike is None else COPIES_OF_STRUCK)
                 scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
                 prepared = None  # The file's meshes need not stay in memory while the nodes render.
-        from scenefold.render.client import render_still
-
         if embedded is not None:
             embedded.may_die(embedded.addresses)
         with phases.time("render"):
-            result = await render_still(
+            result = await _rendered(
+                embedded,
                 cluster,
                 scene,
                 job.options,
                 told_to(strike, render_progress(progress)),
                 tell=partial(_tell_left_out, job),
-                lost=_tell_lost,
+                lost=partial(_tell_lost, embedded),
                 back=_tell_back,
                 organised_by=None if strike is None else strike.spare,
-                anew=_tell_anew,
+                anew=partial(_tell_anew, embedded),
                 resume=job.resume,
             )
         if embedded is not None:
@@ -211,16 +210,33 @@ def _tell_left_out(job: StillJob, renderers: Renderers) -> None:
         note(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out))
 
 
-def _tell_lost(address: str) -> None:
-    note(f"note: node {address} is lost: the others take its part of the scene over, and trace again what only it had")
+async def _rendered(embedded: LocalCluster | None, *args: Any, **options: Any) -> StillResult:
+    """As `render_still`. If nodes that were started for it died, and it failed over that, their own words tell more."""
+    from scenefold.base.errors import Refused, Unreachable
+    from scenefold.render.client import render_still
+
+    try:
+        return await render_still(*args, **options)
+    except (Unreachable, Refused) as error:
+        if embedded is None or not embedded.deaths:
+            raise
+        raise next(reversed(embedded.deaths.values())) from error
+
+
+def _tell_lost(embedded: LocalCluster | None, address: str) -> None:
+    death = None if embedded is None else embedded.deaths.get(address)
+    words = "" if death is None else f" ({death.what})"
+    note(f"note: node {address} is lost{words}: the others take its part of the scene over, and trace again what only it had")
 
 
 def _tell_back(address: str) -> None:
     note(f"note: node {address} is back, and takes part again")
 
 
-def _tell_anew(begun: Begun) -> None:
+def _tell_anew(embedded: LocalCluster | None, begun: Begun) -> None:
     note(anew_text(begun))
+    if embedded is not None and embedded.deaths:
+        note(f"note: {next(reversed(embedded.deaths.values())).what}")
 
 
 def anew_text(begun: Begun) -> str:

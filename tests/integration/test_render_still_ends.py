@@ -104,6 +104,7 @@ def test_nodes_that_are_killed_are_named_and_none_of_them_ends_the_render(tmp_pa
             if not line.startswith(f"note: node {victim} is lost"):
                 break
         assert line.startswith("note: the node that organises the render is lost") and f"({victim}): it is begun anew" in line
+        assert render.next_words().startswith(f"note: node {victim} ended unexpectedly (SIGKILL)")
         render.process.send_signal(signal.SIGINT)
         assert render.last_words() == ["error: interrupted: the same command may be given again"]
         await_ends([*render.nodes.values(), *children(render.process.pid).values()], 0.0)

@@ -46,6 +46,9 @@ class LocalCluster:
         self._nodes: dict[str, NodeProcess] = {}
         self._lives: dict[str, int] = {}
         """Of those that may die, how many are left."""
+        self.deaths: dict[str, ScenefoldError] = {}
+        """Of those that died though they may, and not on purpose: what they said last."""
+        self._crashed: set[str] = set()
 
     @property
     def profile(self) -> Path:
@@ -81,7 +84,11 @@ class LocalCluster:
     async def _run(self, node: NodeProcess) -> None:
         try:
             await node.run()
-        except NodeEnded:
+        except NodeEnded as ended:
+            if node.address in self._crashed:
+                self._crashed.discard(node.address)
+            else:
+                self.deaths[node.address] = ended.error
             lives = self._lives.get(node.address, 1) - 1
             if not lives:
                 raise
@@ -95,6 +102,7 @@ class LocalCluster:
     def crash(self, address: str) -> None:
         """Let a node that may die do so now, as in a power cut; it is started again."""
         assert address in self._lives, f"node {address} is needed"
+        self._crashed.add(address)
         self._nodes[address].crash()
 
     async def wait(self, addresses: Sequence[str] | None = None, *, joined: bool = True, seconds: float = START_S_MAX) -> None:

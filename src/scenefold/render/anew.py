@@ -16,8 +16,11 @@ from scenefold.wire import JobState, JobStateReply
 VAIN_MAX = 3
 """So often in a row a render is begun anew that gets no further than it was: what kills it may be the scene itself."""
 BEGUN_MAX = 256
-PAUSE_S, PAUSE_S_MAX = 0.5, 8.0
+PAUSE_S = 0.5
 """Before it is begun anew; twice as long each time in vain."""
+CHOOSE_S_MAX = 60.0
+"""So long it is tried to find out who may render it then: who knows that may just be starting."""
+CHOOSE_PAUSE_S = 1.0
 ANSWER_S_MAX = 5.0
 NO_JOB = 0
 
@@ -39,11 +42,11 @@ class Tries:
         self._vain = 0
         self._passes = 0
 
-    def may_begin_anew(self, error: ScenefoldError, asked: Collection[NodeId], passes: int) -> bool:
-        """Whether to, after an error. `asked`: who was to render so far; `passes`: those that need not be traced again."""
+    def may_begin_anew(self, error: ScenefoldError, passes: int) -> bool:
+        """Whether to, after an error. `passes`: those that need not be traced again."""
         if passes > self._passes:
             self._passes, self._vain = passes, 0
-        if not asked or not _passes_by(error) or self._vain >= VAIN_MAX or self.begun >= BEGUN_MAX:
+        if not may_pass(error) or self._vain >= VAIN_MAX or self.begun >= BEGUN_MAX:
             return False
         self.begun += 1
         self._vain += 1
@@ -52,10 +55,11 @@ class Tries:
     @property
     def pause_s(self) -> float:
         """How long to wait before."""
-        return min(PAUSE_S * 2.0 ** (self._vain - 1), PAUSE_S_MAX)
+        return PAUSE_S * 2.0 ** (self._vain - 1)
 
 
-def _passes_by(error: ScenefoldError) -> bool:
+def may_pass(error: ScenefoldError) -> bool:
+    """Whether an error is of somebody who does not answer, or is not ready."""
     return isinstance(error, Unreachable) or (isinstance(error, Refused) and error.reason is RejectReason.NOT_READY)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from scenefold.base.errors import Refused, Unreachable, UsageFault
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.ids import address_of
 from scenefold.client import Cluster, Scene
 from scenefold.render.anew import Begun, Tries
 from scenefold.render.choice import Renderers
@@ -164,25 +164,24 @@ async def render_still(
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
     wish = OneImage(cluster, scene, wanted, resume, progress, lost, back)
-    tries, silent = Tries(), frozenset[NodeId]()
+    tries, choice = Tries(), await wish.choose()
+    if tell is not None:
+        tell(choice.renderers)
+    choice.renderers.check_any(scene.name)
     while True:
+        if organised_by is not None:
+            organised_by(address_of(choice.organiser))
         try:
-            choice = await wish.choose(silent)
-            if tell is not None and tries.begun == 1:
-                tell(choice.renderers)
-            choice.renderers.check_any(scene.name)
-            if organised_by is not None:
-                organised_by(address_of(choice.organiser))
             image, report = await wish.render(choice)
             break
         except (Unreachable, Refused) as error:
-            if not tries.may_begin_anew(error, wish.asked, wish.passes_kept):
+            if not tries.may_begin_anew(error, wish.passes_kept):
                 raise
             why = error
         await cluster.calls.world.clock.sleep(tries.pause_s)
-        silent = await wish.silent()
+        choice = await wish.choose_again()
         if anew is not None:
-            anew(Begun(why, tuple(sorted(map(address_of, silent))), wish.passes_kept))
+            anew(Begun(why, tuple(sorted(map(address_of, choice.silent))), wish.passes_kept))
         progress("prepare", 0, 1)
     exposure = options.exposure if options.exposure is not None else said.exposure
     layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)

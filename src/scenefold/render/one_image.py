@@ -7,10 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.client import Cluster, Scene
 from scenefold.client.sealing import SceneIdentity
-from scenefold.render.anew import silent_of
+from scenefold.render.anew import CHOOSE_PAUSE_S, CHOOSE_S_MAX, may_pass, silent_of
 from scenefold.render.choice import Renderers
 from scenefold.render.choosing import renderers_of
 from scenefold.render.job import RenderOptions
@@ -36,6 +37,8 @@ class Choice(NamedTuple):
     organiser: NodeId
     job: int
     identity: SceneIdentity
+    silent: frozenset[NodeId]
+    """Who would render it, too, but cannot be reached."""
 
 
 class OneImage:
@@ -63,20 +66,43 @@ class OneImage:
         """That need not be traced again, whatever happens."""
         return 0 if self._keeper is None else self._keeper.keep.passes
 
-    async def silent(self) -> frozenset[NodeId]:
-        """Which of those cannot be reached just now."""
-        return await silent_of(self._cluster, self.asked)
+    async def choose(self) -> Choice:
+        """Who may render it. Without anybody the organiser is node 0, which is none."""
+        return self._choice(await renderers_of(self._cluster, self._scene), self._scene.access.identity, frozenset())
 
-    async def choose(self, silent: Collection[NodeId]) -> Choice:
-        """Who may render it, but for nodes that do not answer. Without any of them the organiser is node 0, which is none."""
-        renderers = (await renderers_of(self._cluster, self._scene)).without(silent)
+    async def choose_again(self) -> Choice:
+        """The same, but for those that were asked before and cannot be reached. It may take a minute until anybody can say it.
+
+        Unreachable or Refused if nobody does by then, or none of those that may render answers.
+        """
+        clock = self._cluster.calls.world.clock
+        until = clock.now() + CHOOSE_S_MAX
+        while True:
+            try:
+                return await self._chosen_of_those_that_answer()
+            except (Unreachable, Refused) as error:
+                if not may_pass(error) or clock.now() >= until:
+                    raise
+            await clock.sleep(CHOOSE_PAUSE_S)
+
+    async def _chosen_of_those_that_answer(self) -> Choice:
+        renderers = await renderers_of(self._cluster, self._scene)
         identity = self._scene.access.identity  # with nothing awaited between: these are the keys that the choice is for
+        silent = await silent_of(self._cluster, self.asked.intersection(renderers.nodes))
+        if silent and silent >= {*renderers.nodes}:
+            raise Unreachable(
+                "none of the nodes that may render answers", where=", ".join(map(address_of, sorted(silent))), remedy="start them"
+            )
+        return self._choice(renderers.without(silent), identity, silent)
+
+    def _choice(self, renderers: Renderers, identity: SceneIdentity, silent: frozenset[NodeId]) -> Choice:
         job = int.from_bytes(self._cluster.calls.world.entropy.token(8), "big") or 1
-        return Choice(renderers, organiser_of(job, renderers.nodes) if renderers.nodes else NodeId(0), job, identity)
+        organiser = organiser_of(job, renderers.nodes) if renderers.nodes else NodeId(0)
+        return Choice(renderers, organiser, job, identity, silent)
 
     async def render(self, choice: Choice) -> tuple[bytes, dict[str, Any]]:
         """The image, packed, and its report. Unreachable or Refused (16) if it may be begun anew."""
-        cluster, wanted, (renderers, organiser, job, identity) = self._cluster, self._wanted, choice
+        cluster, wanted, (renderers, organiser, job, identity, _) = self._cluster, self._wanted, choice
         kept = None if self._resume is None else await cluster.in_worker("import", read_kept, self._resume, wanted)
         self._keeper = keeper = None if self._resume is None else Keeper(cluster, self._resume, wanted, kept)
         addresses, asked = [address_of(node) for node in renderers.nodes], address_of(organiser)
@@ -87,8 +113,8 @@ class OneImage:
         # In render mode nobody switches the scene back before the image is there; who renders in edit mode gets what lies there at the moment.
         async with cluster.calls.leases.rendering(self._scene.access):
             self.asked |= {*renderers.nodes}
-            await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, head, keep))
             try:
+                await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, head, keep))
                 if kept is not None:
                     await watch.send_film(kept.film)
                     kept = None

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix
+from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, forbids
 from scenefold.simulation.blacklists import blacklist_of
 from scenefold.simulation.clients import Client
 from scenefold.simulation.cluster import Cluster, Node
@@ -58,7 +58,9 @@ class BlacklistFaults:
             self._ends(fault)
 
     def _prefix(self, node: Node, amount: float) -> AddressPrefix:
-        other = self._dice.choice([one for one in self._cluster.founding if one is not node])
+        others = [one for one in self._cluster.founding if one is not node]
+        listed = blacklist_of(node.disk)
+        other = self._dice.choice([one for one in others if not forbids(listed, one.node_id, owner=node.node_id)] or others)
         bits = ADDRESS_BITS if amount < ONE else BLOCK_BITS if amount < BLOCK else 0
         behind = ADDRESS_BITS - bits
         return AddressPrefix(other.node_id >> behind << behind, bits)

@@ -162,7 +162,9 @@ class Keeping:
         """A client is told by an owner, or by enough holders, that this is there. What was told before may have lost disks since, or all."""
         if not self.has(place) or self._was_lost(place, version) or not self._tell(place, version):
             return
-        held, needed = self._held(place, version, ever=True), min(self.needed(place), self._possible(self._owner_of(place.home)))
+        # Whoever answered may have passed the place on since, to one that may have others.
+        owners = (self._owner_of(place.home), *self.passed.owners_lately(place.home))
+        held, needed = self._held(place, version, ever=True), min(self.needed(place), *map(self._possible, owners))
         if len(held) < needed:
             words = f"{who} reads {name_of(place, version)}, which lies on {names_of(held)} only; {needed} must have it"
             self._violated(laws.COPIED, words, place.location, tuple(sorted(held)))

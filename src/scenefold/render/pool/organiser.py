@@ -49,6 +49,8 @@ from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, StartJob, Value
 from scenefold.world import DiskFailed, QuietLog
 
+FORSAKEN_S = 900.0
+"""A job that nobody asked for so long is given up: a client asks all the time, and may have begun the same image anew."""
 LOST_S_MAX = 2.0
 """For a node that is lost to answer after all."""
 UPLOAD_S_MAX = 900.0
@@ -142,6 +144,11 @@ class Organiser:
     def is_idle(self) -> bool:
         """Whether the image is there, and nobody has asked for it for a while."""
         return self._phase == "done" and self.now() - self._asked_at > IDLE_S
+
+    @property
+    def is_forsaken(self) -> bool:
+        """Whether it is at work, and nobody has asked for it for so long that nobody will."""
+        return self._phase not in ("done", "failed") and self.now() - self._asked_at > FORSAKEN_S
 
     def asked(self) -> None:
         """Somebody still wants the image."""

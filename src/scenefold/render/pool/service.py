@@ -94,7 +94,7 @@ class RenderService:
                 self._nursery = None
 
     async def _sweep(self) -> None:
-        """End parts whose organiser asks no more: it died, or was cut off, and nobody wants their rays."""
+        """End parts whose organiser asks no more: it died, or was cut off, and nobody wants their rays; and jobs whose client does not."""
         while True:
             await self._host.world.clock.sleep(LOOK_S)
             for job, part in self._parts.jobs():
@@ -104,6 +104,10 @@ class RenderService:
                         _log.warning("job %016x: its organiser %s; this node's part ends", job, why)
                     self._parts.drop(job, part)
                     await part.end()
+            for job, organiser in self._organisers.jobs():
+                if organiser.is_forsaken:
+                    _log.warning("job %016x: nobody has asked for it for long; it is given up", job)
+                    organiser.cancel()
 
     # Users ---------------------------------------------------------------------------------------------------
 
