@@ -10,7 +10,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX, SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log import check_decided
-from scenefold.wire import AcceptSceneProposal, ProposeSceneLog, RejectSceneProposal, SceneLogPublic
+from scenefold.wire import AcceptSceneProposal, ProposeSceneLog, RejectSceneProposal, SceneLogPublic, SceneMode
 
 NOBODY = NodeId(0)
 
@@ -42,10 +42,11 @@ def refusal_of(
     *,
     name: str,
     before: SceneLogPublic | None = None,
+    after: SceneLogPublic | None = None,
     silent: Sequence[NodeId] = (),
     is_question: bool = False,
 ) -> Refused:
-    """In words, for whoever proposed something. `by`: who says so, if that is known; `before`: the header that it was to follow.
+    """In words, for whoever proposed something. `by`: who says so, if that is known; `before`: the header that it was to follow; `after`: itself.
 
     `silent_ms`: with PEER_MISSED, since when `by`, who does not answer, gave no sign of life; 0: not known. `silent`: with NO_MAJORITY,
     participants that did not answer us either. `is_question`: nothing was proposed, but asked what became of something.
@@ -60,6 +61,8 @@ def refusal_of(
             what = f"an observer of the scene, {address_of(by)}, is reading it for an image"
             remedy = f"wait until the render has ended; `scenectl scene mode {name} MODE --force` ends it"
             return Refused(reason, what, where=f"scene {name}", remedy=remedy)
+        if reason is RejectReason.BUSY and after is not None and after.mode is not before.mode:
+            return _in_use(after.mode, where, name)
         return _refusal_of_participants(reason, where, name)
     if reason is RejectReason.LIMIT_EXCEEDED:
         what = f"the cluster takes no more scenes: {SCENES_PER_USER_MAX} of one user, {SCENES_LISTED_MAX} in all"
@@ -88,6 +91,14 @@ def _missed(node: NodeId, silent_ms: int, name: str, before: SceneLogPublic) -> 
     forget = f"`scenectl scene remove-{part.split()[1]} {name} {address}` if it is gone for good"
     remedy = f"start it, or repeat this when the others have noticed that it is away; or {forget}; `--force` asks nobody"
     return Refused(RejectReason.PEER_MISSED, what, where=f"scene {name}", remedy=remedy)
+
+
+def _in_use(mode: SceneMode, where: str, name: str) -> Refused:
+    """Of a change of the mode: mostly somebody uses the scene, and what helps against that helps against the rest as well."""
+    work = "somebody renders" if mode is SceneMode.EDIT else "somebody edits"
+    what = f"not now: {work} the scene, by a lease that a node has lent, or a node that decides its log has too much to do"
+    remedy = f"wait until that has ended; `scenectl scene mode {name} {mode.name.lower()} --force` ends it"
+    return Refused(RejectReason.BUSY, what, where=where, remedy=remedy)
 
 
 def _observes(node: NodeId, header: SceneLogPublic) -> bool:

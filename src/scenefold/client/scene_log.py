@@ -146,7 +146,7 @@ class LogAccess(LogReading):
                     return self._read
                 self._was_alone = False
                 first = outcome.by if outcome.reason in _TOO_LATE else None
-                problem = None if outcome.reason in _TOO_LATE else self._problem(outcome, before.header)
+                problem = None if outcome.reason in _TOO_LATE else self._problem(outcome, before.header, after.header)
             except (Unreachable, PeerFault, Refused) as error:
                 problem, first = error, None
             # While there is doubt, what the log says next is better than what this answer says.
@@ -226,19 +226,21 @@ class LogAccess(LogReading):
                     raise Refused(RejectReason.PEER_MISSED, away.what, where=away.where, remedy=away.remedy) from away
                 raise away from None
 
-    def _problem(self, rejected: Rejected, before: SceneLogPublic) -> NotReached | Refused:
+    def _problem(self, rejected: Rejected, before: SceneLogPublic, after: SceneLogPublic) -> NotReached | Refused:
         """Why a change was not decided."""
         if rejected.reason is RejectReason.PEER_MISSED and not before.participants:
             # Whoever hands it on could not reach the origin. That is no word of the origin's, and it may be back in a moment.
             where = f"scene {self._name}, {address_of(before.origin)}"
             what = "the node that decides the scene's log does not answer: nothing was changed"
             return NotReached(what, where=where, remedy="start that node, and repeat it")
-        return self._refusal(rejected, before)
+        return self._refusal(rejected, before, after)
 
-    def _refusal(self, rejected: Rejected, before: SceneLogPublic, *, is_question: bool = False) -> Refused:
+    def _refusal(
+        self, rejected: Rejected, before: SceneLogPublic, after: SceneLogPublic | None = None, *, is_question: bool = False
+    ) -> Refused:
         nodes = [entry.member.node for entry in before.participants]
         silent = [node for node in nodes if self._calls.is_silent(node, within_s=CLIENT_AUTHOR_S)]
-        return refusal_of(*rejected, name=self._name, before=before, silent=silent, is_question=is_question)
+        return refusal_of(*rejected, name=self._name, before=before, after=after, silent=silent, is_question=is_question)
 
     def _doubt(self, what: str, remedy: Callable[[int], str]) -> Doubt:
         """Of offers, by their positions."""

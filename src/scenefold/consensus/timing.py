@@ -37,7 +37,7 @@ class Timer:
 @dataclass(frozen=True, slots=True)
 class Timing:
     hop_s: float = 0.3
-    """For one hop out and home; longer where round trips are measured to be."""
+    """For one hop out and home. Links that are slower are waited for in later ballots, which have more time."""
     pass_s_min: float = 0.9
     base_s: float = 0.1
     """The least pause before another ballot, and between two nodes that could take over."""

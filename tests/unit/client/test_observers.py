@@ -81,6 +81,17 @@ async def test_who_does_not_answer_is_named_with_his_last_sign(autojump_clock: M
     assert f"remove-{part.split()[1]} kitchen {missing}" in text
 
 
+async def test_a_participant_that_is_busy_is_said_to_have_lent_a_lease_and_what_helps(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    council.answers = dict.fromkeys(FIVE, lambda *_: rejection(RejectReason.BUSY, node_id_of(FIVE[1])))
+    with pytest.raises(Refused, match="somebody edits the scene, by a lease that a node has lent.*scene mode kitchen render --force"):
+        await set_mode(scene.access, SceneMode.RENDER)
+    with pytest.raises(Refused, match="has too much to do, or something under way") as told:
+        await scene.add_observer(council.entry(node_id_of(E)))
+    assert "--force" not in str(told.value)
+
+
 async def test_a_render_of_an_observer_is_named(autojump_clock: MockClock, tmp_path: Path) -> None:
     council = FakeCouncil()
     scene, _ = await hall_of(council, tmp_path)
