@@ -199,6 +199,10 @@ class Keeping:
             return held
         return {slot for slot in held if slot == owner or rack_of(slot, self.racks) != rack_of(owner, self.racks)}
 
+    def _counted(self, owner: int | None, held: set[int], needed: int) -> int:
+        """How many of the disks that have something count for an owner. Where it allows too few for any write, nothing may take their place: all do."""
+        return len(held if self._possible(owner) < needed else self._allowed(owner, held))
+
     # ------------------------------------------------------------------------------------------------------ leaving
 
     def committed(self, slot: int) -> list[Lost]:
@@ -237,7 +241,7 @@ class Keeping:
         held, owner = self._held(place, version), self._owner_of(place.home)
         allowed = self._allowed(owner, held)
         # Who said that it may go may have passed the place on since, to one that forbids others.
-        best = max(len(self._allowed(one, held)) for one in (owner, *self.passed.owners_lately(place.home)))
+        best = max(self._counted(one, held, self.needed(place)) for one in (owner, *self.passed.owners_lately(place.home)))
         if best < self.needed(place) or owner not in (None, *held):
             beside = "" if owner in (None, *held) else f", and not on n{owner}, which owns the place"
             beside += "" if allowed == held else f", and on {names_of(held - allowed)}, which n{owner} forbids"

@@ -85,7 +85,7 @@ async def test_a_participant_that_is_busy_is_said_to_have_lent_a_lease_and_what_
     council = FakeCouncil()
     scene, _ = await hall_of(council, tmp_path)
     council.answers = dict.fromkeys(FIVE, lambda *_: rejection(RejectReason.BUSY, node_id_of(FIVE[1])))
-    with pytest.raises(Refused, match="somebody edits the scene, by a lease that a node has lent.*scene mode kitchen render --force"):
+    with pytest.raises(Refused, match=r"somebody edits the scene, by a lease that a node has lent.*scene mode kitchen render --force"):
         await set_mode(scene.access, SceneMode.RENDER)
     with pytest.raises(Refused, match="has too much to do, or something under way") as told:
         await scene.add_observer(council.entry(node_id_of(E)))

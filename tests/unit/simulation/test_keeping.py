@@ -205,10 +205,20 @@ def test_what_is_written_after_a_loss_needs_witnesses_of_its_own() -> None:
 
 
 def test_what_stands_in_the_owners_rack_does_not_count_when_a_copy_leaves() -> None:
-    stage = told(stage_with(0, 1, 2))
+    stage = told(stage_with(0, 1, 2, racks=2))
+    stage.machines[2].tables[RECORDS] = {}
+    stage.watch.keeping.racks = 2
+    drops(stage, 0)
+    assert stage.laws == [laws.KEPT], "1 owns it, and neither 0 nor 2 stands in its rack, but 2 has it no more"
+
+
+@pytest.mark.parametrize(("slots", "broken"), [((0, 1, 2), []), ((0, 1), [laws.KEPT])])
+def test_where_an_owner_allows_too_few_all_that_have_it_count_when_a_copy_leaves(slots: tuple[int, ...], broken: list[str]) -> None:
+    """All stand in one rack: nobody may take the place of those that the owner forbids, so as many as are needed stay."""
+    stage = told(stage_with(*slots))
     stage.watch.keeping.racks = 1
     drops(stage, 0)
-    assert stage.laws == [laws.KEPT]
+    assert stage.laws == broken
 
 
 @pytest.mark.parametrize("passed_s", [0.0, 2 * LATELY_S])

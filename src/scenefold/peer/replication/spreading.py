@@ -184,6 +184,9 @@ class Spreading:
                     self._places.check(scenes[space[0]], space[1])
                 if space in unplaced:
                     await self._places.ensure_placed(unplaced[space])
+                    if is_new:
+                        # Of what has only just come here nobody knew before that who may hold copies is too few.
+                        self._places.check(scenes[space[0]], space[1])
             except Refused as refusal:
                 self._say("no holders", f"writes are refused: {refusal}")
                 refused[space] = NotKept(refusal.reason, self._parts.own.me)
