@@ -213,12 +213,13 @@ def _tell_left_out(job: StillJob, renderers: Renderers) -> None:
 async def _rendered(embedded: LocalCluster | None, *args: Any, **options: Any) -> StillResult:
     """As `render_still`. If nodes that were started for it died, and it failed over that, their own words tell more."""
     from scenefold.base.errors import Refused, Unreachable
+    from scenefold.render.anew import may_pass
     from scenefold.render.client import render_still
 
     try:
         return await render_still(*args, **options)
     except (Unreachable, Refused) as error:
-        if embedded is None or not embedded.deaths:
+        if embedded is None or not embedded.deaths or not may_pass(error):
             raise
         raise next(reversed(embedded.deaths.values())) from error
 

@@ -41,9 +41,9 @@ FLOOD_BEGUN = 256
 FLOOD_ANSWERS = 2_000
 FLOOD_S_MAX = 15.0
 """A flood is judged over so many answers, or for so long."""
-ROUNDS_PER_FLOOD = 0.045
+ROUNDS_PER_FLOOD = 0.04
 """Of honest work, for each request of a flood that is answered meanwhile: both are slow on a slow machine. With shares there were 0.14 to 0.27,
-and on two cores that seventeen processes wanted once less than 0.065; without them (`Turns.wait_s` as for one that may take all, or always 0) 0.025 to 0.033."""
+and on two cores that seventeen processes wanted once less than 0.065, another time 0.044; without them (`Turns.wait_s` as for one that may take all, or always 0) 0.025 to 0.033."""
 SETTLES_S_MAX = 10.0
 """For the node that was attacked to have counted what is under way when the attack ends."""
 STRANGERS = ("silent strangers", "garbage", "handshakes", "forged datagrams")

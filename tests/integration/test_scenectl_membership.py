@@ -124,8 +124,13 @@ def test_a_newcomer_without_room_gets_nothing_and_is_seen_to_wait(profile: str, 
     spare = SPARES[1]
     with joining(profile, spare, tmp_path / "data", "--capacity", "4096") as process:
         event(process, "member")
-        status = scenectl("cluster", "status", "--json", profile=profile)
-        waiting = next(node for node in status.json["nodes"] if node["address"] == spare)
+        # Whoever is asked may hear of the newcomer a moment after it does itself.
+        for _ in range(10):
+            status = scenectl("cluster", "status", "--json", profile=profile)
+            listed = [node for node in status.json["nodes"] if node["address"] == spare]
+            if listed:
+                break
+        (waiting,) = listed
         assert waiting["role"] == "joining" and waiting["arc"] is None and waiting["share"] == 0
         assert "joining" in [warning["kind"] for warning in status.json["warnings"] if warning["address"] == spare]
         check_readable(profile)

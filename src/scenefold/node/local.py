@@ -47,7 +47,7 @@ class LocalCluster:
         self._lives: dict[str, int] = {}
         """Of those that may die, how many are left."""
         self.deaths: dict[str, ScenefoldError] = {}
-        """Of those that died though they may, and not on purpose: what they said last."""
+        """Of those that died though they may, and not on purpose: what they said last; the newest last."""
         self._crashed: set[str] = set()
 
     @property
@@ -88,6 +88,7 @@ class LocalCluster:
             if node.address in self._crashed:
                 self._crashed.discard(node.address)
             else:
+                self.deaths.pop(node.address, None)
                 self.deaths[node.address] = ended.error
             lives = self._lives.get(node.address, 1) - 1
             if not lives:

@@ -180,6 +180,7 @@ async def render_still(
             why = error
         await cluster.calls.world.clock.sleep(tries.pause_s)
         choice = await wish.choose_again()
+        choice.renderers.check_any(scene.name)
         if anew is not None:
             anew(Begun(why, tuple(sorted(map(address_of, choice.silent))), wish.passes_kept))
         progress("prepare", 0, 1)

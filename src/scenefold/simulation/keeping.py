@@ -241,7 +241,8 @@ class Keeping:
         held, owner = self._held(place, version), self._owner_of(place.home)
         allowed = self._allowed(owner, held)
         # Who said that it may go may have passed the place on since, to one that forbids others.
-        best = max(self._counted(one, held, self.needed(place)) for one in (owner, *self.passed.owners_lately(place.home)))
+        former = (len(self._allowed(one, held)) for one in self.passed.owners_lately(place.home))
+        best = max(self._counted(owner, held, self.needed(place)), *former, 0)
         if best < self.needed(place) or owner not in (None, *held):
             beside = "" if owner in (None, *held) else f", and not on n{owner}, which owns the place"
             beside += "" if allowed == held else f", and on {names_of(held - allowed)}, which n{owner} forbids"

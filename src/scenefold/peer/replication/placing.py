@@ -149,6 +149,7 @@ class Placing:
         if arc is None or not wanted or not registry.is_current(parts.own.member):
             self._wishes, self._given, self._given_of, self.shortages = {}, {}, (), {}
             return
+        before = self.shortages
         self._give(arc, wanted)
         now, configurations = parts.world.clock.now(), parts.keeper.copies.configurations
         self._wishes = {
@@ -156,12 +157,20 @@ class Placing:
         }
         urgent = self._urgent() if self._gaps.unowned(arc, GAP_REST_S) else {}
         ready = [
-            (layout, ripe(configurations, layout, wishes, now, parts.keeper.is_removed, urgent.get(layout)))
+            (layout, ripe(configurations, layout, wishes, now, parts.keeper.is_removed, urgent.get(layout), self._is_forbidden))
             for layout, wishes in self._wishes.items()
         ]
         due = [(layout, pieces, wanted[layout]) for layout, pieces in ready if pieces]
         if due:
-            await parts.keeper.change_copies(partial(_placed, due))
+            # Where too few were allowed no write may count before those that are have taken the place of the others.
+            after, self.shortages = (
+                self.shortages,
+                {**self.shortages, **{key: short for key, short in before.items() if short.forbids_writes}},
+            )
+            try:
+                await parts.keeper.change_copies(partial(_placed, due))
+            finally:
+                self.shortages = after
             parts.events["copies placed"] += len(due)
         elif now - self._gathered_at >= GATHER_S:
             self._gathered_at = now
@@ -203,6 +212,9 @@ class Placing:
     def _pieces(self, layout: Layout, most: int, place: Arc, allowed: Mapping[NodeId, Member]) -> list[Piece]:
         order = self._parts.cluster_log.registry.order
         return pieces_of(self._line, self._parts.own.me, layout, [place], allowed, order, most)
+
+    def _is_forbidden(self, member: Member) -> bool:
+        return forbids(self._parts.own.blacklist.prefixes, member.node, owner=self._parts.own.me)
 
     def _urgent(self) -> dict[Layout, Urgency]:
         """What is not put off. Two of each record are wanted at once, whatever writes ask for, of who can be given copies as far as is known."""

@@ -140,8 +140,9 @@ def ripe(
     now: float,
     is_gone: Callable[[Member], bool],
     only: Urgency | None = None,
+    is_forbidden: Callable[[Member], bool] = lambda _member: False,
 ) -> list[Piece]:
-    """What is to be placed at this moment: what has lasted, is the first placement there, or is to do without somebody who was removed.
+    """What is to be placed at this moment: what has lasted, is the first placement there, or is to do without somebody who was removed, or is forbidden.
 
     `only`: the first placement there, and where somebody was removed and too few are left; there no more than are wanted at once.
     """
@@ -154,13 +155,21 @@ def ripe(
             if common is None:
                 continue
             rest = [left for part in rest for left in without(part, common)]
-            if _is_due(segment, found.me, wish, now, is_gone, only):
+            if _is_due(segment, found.me, wish, now, is_gone, only, is_forbidden):
                 due.append((common, wish.holders if only is None else _fewest(segment, found.me, wish, only)))
         due += [(left, wish.holders) for left in rest]
     return runs(sorted(due, key=lambda piece: piece[0].first))
 
 
-def _is_due(segment: Segment, me: Member, wish: Wish, now: float, is_gone: Callable[[Member], bool], only: Urgency | None) -> bool:
+def _is_due(
+    segment: Segment,
+    me: Member,
+    wish: Wish,
+    now: float,
+    is_gone: Callable[[Member], bool],
+    only: Urgency | None,
+    is_forbidden: Callable[[Member], bool],
+) -> bool:
     target = target_of(segment, me)
     if target is None:
         return True
@@ -171,6 +180,9 @@ def _is_due(segment: Segment, me: Member, wish: Wish, now: float, is_gone: Calla
     if only is not None:
         left = 1 + sum(only.is_there(holder) and not is_gone(holder) for holder in holders)
         return has_lost and left < max(only.wanted, needed)
+    if any(map(is_forbidden, holders)) and not any(map(is_forbidden, wish.holders)):
+        # Until then writes count on them.
+        return True
     return has_lost or now - wish.since >= STEADY_S
 
 

@@ -124,8 +124,15 @@ class Attempts:
             await self.gather(theirs)
         after = await self._cells(roster)
         self.newest_epoch = after.epoch
-        async with company.watched():
-            await company.tell({"fetch": dict(after.to_document())}, PREPARE_S_MAX)
+        try:
+            async with company.watched():
+                await company.tell({"fetch": dict(after.to_document())}, PREPARE_S_MAX)
+        except Exception as error:
+            known = [one for one in _leaves(error) if isinstance(one, ScenefoldError)]
+            if isinstance(change, NodesBack) and known and lost_of(error) is None:
+                # It went without them before.
+                raise NodesLost(change.nodes, known[0]) from None
+            raise
         await company.tell({"begin": roster.attempt, "epoch": after.epoch, "done": bits_of(done, job.plan.count)})
         self.partition, self._cells_of = after, roster.nodes
 
@@ -164,6 +171,10 @@ class Attempts:
     def _told(self, name: str) -> int:
         counts = [self._company.states.get(node, {}).get(name) for node in self._company.nodes]
         return sum(count for count in counts if isinstance(count, int))
+
+
+def _leaves(error: Exception) -> list[BaseException]:
+    return list(leaves(error)) if isinstance(error, BaseExceptionGroup) else [error]
 
 
 async def or_changed(do: Callable[[], Awaitable[None]]) -> NodesLost | NodesBack | None:

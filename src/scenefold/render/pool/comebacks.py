@@ -6,6 +6,8 @@ import logging
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
+import trio
+
 from scenefold.base.errors import ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.render.job import Job
@@ -18,6 +20,11 @@ from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateRep
 LOOK_S = 2.0
 LOOK_S_MAX = 16.0
 """Between two looks at a node that is lost; twice as long after each in vain."""
+REST_S_MAX = 600.0
+LASTING_S = 180.0
+"""Who is lost again sooner than that after it joined is looked for later the next time: twice as late each time."""
+ANSWERED_S = 4 * LOOK_S
+"""Who is ready has answered within this time."""
 COMEBACKS_MAX = 64
 """In a job. Whoever comes and goes is of no use."""
 
@@ -26,10 +33,12 @@ _log = logging.getLogger("scenefold.render.pool")
 
 @dataclass(slots=True)
 class _Away:
-    """Of a node that takes no part: when to look again, and how long to wait then."""
+    """Of a node that takes no part: when to look again, and how long to wait then. `answered_s`: when it last did, once it is ready."""
 
     next_s: float
-    pause_s: float = LOOK_S
+    pause_s: float
+    answered_s: float | None = None
+    is_looked_after: bool = False
 
 
 class Comebacks:
@@ -38,44 +47,65 @@ class Comebacks:
     def __init__(self, host: Host, job: Job, lost: Callable[[], Collection[NodeId]], is_worth: Callable[[], bool]) -> None:
         self._host, self._job, self._lost, self._is_worth = host, job, lost, is_worth
         self._away: dict[NodeId, _Away] = {}
-        self._ready: set[NodeId] = set()
+        self._joined: dict[NodeId, float] = {}
+        self._rests: dict[NodeId, float] = {}
+        """How long to wait when they are lost again."""
         self._count = 0
 
     def ready(self) -> frozenset[NodeId]:
         """Those that are lost, and could join now."""
-        return frozenset(self._ready & set(self._lost())) if self._is_worth() else frozenset()
+        now, lost = self._now(), self._lost()
+        if not self._is_worth():
+            return frozenset()
+        away = ((node, away) for node, away in self._away.items() if node in lost and away.answered_s is not None)
+        return frozenset(node for node, known in away if known.answered_s is not None and now - known.answered_s <= ANSWERED_S)
 
     def joined(self, nodes: Collection[NodeId]) -> None:
         """These take part again."""
-        self._ready -= set(nodes)
         self._count += len(nodes)
+        for node in nodes:
+            self._away.pop(node, None)
+            self._joined[node] = self._now()
 
     async def run(self) -> None:
         """Look after all that are lost, until cancelled."""
-        clock = self._host.world.clock
-        while self._count < COMEBACKS_MAX:
-            await clock.sleep(LOOK_S)
-            lost, now = self._lost(), clock.now()
-            self._ready &= set(lost)
-            self._away = {node: self._away.get(node, _Away(now)) for node in lost}
-            for node, away in self._away.items():
-                if (node in self._ready or now >= away.next_s) and self._is_worth():
-                    await self._look_after(node, away)
+        async with trio.open_nursery() as nursery:
+            while self._count < COMEBACKS_MAX:
+                await self._host.world.clock.sleep(LOOK_S)
+                lost, now = self._lost(), self._now()
+                self._away = {node: self._away.get(node) or self._new(node, now) for node in lost}
+                for node, away in self._away.items():
+                    is_due = away.answered_s is not None or now >= away.next_s
+                    if is_due and not away.is_looked_after and self._is_worth():
+                        away.is_looked_after = True
+                        nursery.start_soon(self._look_after, node, away)
+
+    def _new(self, node: NodeId, now: float) -> _Away:
+        joined = self._joined.pop(node, None)
+        if joined is None or now - joined > LASTING_S:
+            self._rests.pop(node, None)
+            return _Away(now, LOOK_S)
+        rest = self._rests[node] = min(2 * self._rests.get(node, LOOK_S), REST_S_MAX)
+        return _Away(now + rest, LOOK_S)
 
     async def _look_after(self, node: NodeId, away: _Away) -> None:
+        """Whoever is not ready cannot join meanwhile."""
         try:
-            if node in self._ready:
+            if away.answered_s is not None:
                 # It would end its part if nobody spoke of it.
                 await self._ask(node, JobState(job=self._job.id), ASK_S_MAX)
-                return
-            await self._prepare(node)
+            elif node in self._lost():
+                await self._prepare(node)
+            away.answered_s, away.pause_s = self._now(), LOOK_S
         except ScenefoldError as error:
-            self._ready.discard(node)
-            away.next_s, away.pause_s = self._host.world.clock.now() + away.pause_s, min(2 * away.pause_s, LOOK_S_MAX)
+            away.answered_s = None
+            away.next_s, away.pause_s = self._now() + away.pause_s, min(2 * away.pause_s, LOOK_S_MAX)
             _log.debug("job %016x: %s is not back: %s", self._job.id, address_of(node), error)
-            return
-        self._ready.add(node)
-        away.pause_s = LOOK_S
+        finally:
+            away.is_looked_after = False
+
+    def _now(self) -> float:
+        return self._host.world.clock.now()
 
     async def _prepare(self, node: NodeId) -> None:
         """A part that knows nothing of what was before. It traces nothing: no pass is released to it."""

@@ -108,6 +108,9 @@ class Company:
                 reason = state.get("failure_reason")
                 lost.note(node, error_of(reason if isinstance(reason, int) else 0, str(state["failure"]), where=address_of(node)))
                 return
+            if state.get("attempt", self.roster.attempt) != self.roster.attempt:
+                lost.note(node, Unreachable("the node takes part in another attempt of the job", where=address_of(node)))
+                return
             away.extend(Apart(node, other, words) for other, words in _away(state.pop("away", [])) if other in self.nodes)
             self.done[node] = state.pop("film", None)
             hits = state.pop("hits", None)

@@ -301,10 +301,10 @@ class Organiser:
                 rate = (until - closed) / max(self.now() - begun, 1e-3)
             if until == job.plan.count:
                 return
-            self._staged_passes = until
             if self._keep is not None or until == end:
-                # The next level goes on from what is in our film.
+                # The next level goes on from what is in our film: if it does not come there whole, the stage is not over.
                 await self._attempts.gather(range(until))
+            self._staged_passes = until
             if self._keep is not None:
                 self._kept = until, await self._host.world.workers.run(FILM_LANE, packed_film, self._film(job), self._goes_on)
             if self._comebacks is not None and (back := self._comebacks.ready()):
@@ -361,7 +361,9 @@ class Organiser:
         if attempts is None or company is None or not attempts.missing:
             return False
         saved = self._left_s() * len(attempts.missing) / len(attempts.missing + company.nodes)
-        return saved > COMEBACK_WORTH * max(attempts.took_s, COMEBACK_TAKES_S)
+        # All have other cells then, and load what they lack, at most as long as what they held at first.
+        loading = (_seconds(state.get("prepare_seconds")) for state in company.states.values())
+        return saved > COMEBACK_WORTH * max(attempts.took_s, COMEBACK_TAKES_S, *loading)
 
     def _left_s(self) -> float:
         """Of the passes of the level; endless as long as none is closed."""

@@ -91,6 +91,14 @@ def test_who_was_removed_is_left_at_once() -> None:
     assert ripe(found, LAYOUT, wishes, 5.0, lambda member: member == A) == [(arc(0, 49), (B, C))]
 
 
+def test_who_is_forbidden_is_left_at_once_unless_another_one_who_is_takes_its_place() -> None:
+    """Until then writes count on its disk. Where too few are allowed it stays, and nothing is in a hurry."""
+    found = Configurations(P).place(LAYOUT, [(arc(0, 49), (A, B)), (arc(50, 99), (B, C))], 2)
+    wishes = lasting((), [(arc(0, 99), (B, C))], 2, 5.0)
+    assert ripe(found, LAYOUT, wishes, 5.0, nobody, is_forbidden=lambda member: member == A) == [(arc(0, 49), (B, C))]
+    assert ripe(found, LAYOUT, wishes, 5.0, nobody, is_forbidden=lambda member: member in (A, B)) == []
+
+
 def test_while_a_gap_is_open_only_what_is_urgent_is_placed() -> None:
     def there(wanted: int, *absent: Member) -> Urgency:
         return Urgency(wanted, lambda member: member not in absent)
