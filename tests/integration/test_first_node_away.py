@@ -68,6 +68,7 @@ def test_whoever_asks_is_answered_by_the_others(studio: Studio, whose: Callable[
     assert scenectl("cluster", "invitations", profile=whose(studio)).code == 0
 
 
+@pytest.mark.long
 def test_what_a_scene_consists_of_is_read_and_decided(studio: Studio) -> None:
     decided = scenectl("scene", "participants", "hall", "--json", profile=studio.owner)
     assert decided.code == 0, decided.err
