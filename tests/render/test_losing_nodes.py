@@ -16,6 +16,7 @@ from scenefold.render.algorithms import ALGORITHMS
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
 from scenefold.render.pool import comebacks, organiser
+from scenefold.render.pool.part import Part
 from scenefold.render.pool.request import Keep, organiser_of
 from scenefold.render.rehearsal.pool import MemoryPool, Records, memory_pool, sha256_of
 from scenefold.wire import FilmPart, JobEvent, MergeFilm, Packet, unpack_value
@@ -255,6 +256,29 @@ async def test_another_node_dies_while_the_others_begin_again(
         image, state = await pool.finished(JOB, owner)
     assert len(state["lost"]) == 2
     assert sha256_of(image) == await trio.to_thread.run_sync(alone, options)
+
+
+async def test_another_node_dies_while_it_makes_its_film_ready(
+    room: Records, alone: Callable[[RenderOptions], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was told of the next attempt, and never answers."""
+    pause = Part.pause
+
+    async def dies(self: Part, document: dict[str, Any], organiser: NodeId) -> None:
+        if self.me == pool.nodes.index(victim):
+            pool.kill(victim)
+            await trio.sleep_forever()
+        await pause(self, document, organiser)
+
+    monkeypatch.setattr(Part, "pause", dies)
+    async with memory_pool(offline_world(), room, 4) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        await closed(pool, owner, 5)
+        first, victim, _ = others(pool)
+        pool.kill(first)
+        image, state = await pool.finished(JOB, owner)
+    assert state["lost"] == [address_of(first), address_of(victim)]
+    assert sha256_of(image) == await trio.to_thread.run_sync(alone, OPTIONS)
 
 
 @pytest.mark.parametrize("step", ["merge", "film", "gathered"])

@@ -8,7 +8,7 @@ import pytest
 import trio
 
 from render.painted_room import write_room
-from scenefold.base.errors import DamagedData, PeerFault, Refused
+from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.render.in_memory import RecordsInMemory, one_node_job
@@ -241,3 +241,15 @@ async def test_a_node_outside_of_the_job_learns_and_changes_nothing_of_it(packet
                 await pool.deliver(f"node:{outsider}", node, packet)
             assert caught.value.reason is RejectReason.NOT_AUTHORISED
         assert (await pool.state(86, owner))["phase"] == "rendering"
+
+
+async def test_who_is_asked_in_vain_is_away(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 2) as pool:
+        asks, asked = pool.nodes
+
+        async def waits(_packet: Packet, _peer: str) -> Packet | None:
+            await trio.sleep_forever()
+
+        pool.hosts[asked].handlers[JobState] = (waits, False)
+        with pytest.raises(Unreachable, match=r"within 0\.01 s"):
+            await pool.hosts[asks].ask(asked, JobState(job=11), 0.01)

@@ -79,6 +79,8 @@ class MemoryHost:
         self.away = False
         """Nobody reaches it; it reaches everybody."""
         self.life = trio.CancelScope()
+        self.visits: set[trio.CancelScope] = set()
+        """Handlers under way: they run in the tasks of whoever asked, and end with the process all the same."""
         self.sealing = SealingKey.generate()
         self.keys: list[EpochKeys] = []
         """That it could open."""
@@ -90,10 +92,11 @@ class MemoryHost:
         self.handlers[packet] = (handler, nodes_only)
 
     async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
-        with trio.fail_after(timeout_s):
+        with trio.move_on_after(timeout_s):
             answer = await self._pool.deliver(f"node:{self.node_id}", node, packet)
-        assert answer is not None
-        return answer
+            assert answer is not None
+            return answer
+        raise Unreachable(f"the node did not answer within {timeout_s:g} s", where=address_of(node))
 
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._pool.carry(f"node:{self.node_id}", node, packet)
@@ -140,8 +143,14 @@ class MemoryPool:
         if nodes_only and not peer.startswith("node:"):
             raise Refused(RejectReason.NOT_AUTHORISED, f"{peer} may not send this")
         self.delivered[node].append(encode_packet(packet))
-        answer = await handler(decode_packet(encode_packet(packet)), peer)
-        return None if answer is None else decode_packet(encode_packet(answer))
+        with trio.CancelScope() as visit:
+            host.visits.add(visit)
+            try:
+                answer = await handler(decode_packet(encode_packet(packet)), peer)
+            finally:
+                host.visits.remove(visit)
+            return None if answer is None else decode_packet(encode_packet(answer))
+        raise Unreachable("the connection broke", where=address_of(node))
 
     async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
         """Deliver what has no answer: who sent it does not hear what becomes of it."""
@@ -152,8 +161,11 @@ class MemoryPool:
 
     def kill(self, node: NodeId) -> None:
         """Its process dies."""
-        self.hosts[node].away = True
-        self.hosts[node].life.cancel()
+        host = self.hosts[node]
+        host.away = True
+        host.life.cancel()
+        for visit in host.visits:
+            visit.cancel()
 
     async def restart(self, node: NodeId) -> None:
         """A new process at the address of one that died."""
