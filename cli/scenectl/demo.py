@@ -44,7 +44,7 @@ def demo(
     """
     from scenectl.progress import Progress
     from scenectl.running import run
-    from scenectl.still import StillJob, check_files, make_still, report_text
+    from scenectl.still import ImageFiles, StillJob, check_files, make_still, report_text
     from scenefold.base.errors import LocalFault
     from scenefold.render.client import StillOptions
     from scenefold.scene.sample import sample_scene_path
@@ -64,8 +64,7 @@ def demo(
         threads=None,
         ports=ports,
         options=options,
-        exr=exr,
-        png=png,
+        files=ImageFiles(exr, png),
         kill=kill,
     )
     with Progress(quiet=output.json) as progress:

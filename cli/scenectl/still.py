@@ -12,7 +12,7 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from scenectl.output import note, size_text
 from scenectl.values import cluster_ports
@@ -35,6 +35,27 @@ COPIES_OF_STRUCK = 2
 """Of a scene in whose render a node is killed: the others go on at once, and need not wait until it has started again."""
 
 
+@dataclass(frozen=True, slots=True)
+class ImageFiles:
+    """Where an image goes."""
+
+    exr: Path
+    png: Path
+    view: str = "agx"
+    """Of the PNG: one of `scenefold.render.view.VIEWS`."""
+
+    @classmethod
+    def beside(cls, exr: Path, view: str = "agx") -> Self:
+        """The PNG beside it; UsageFault if the output is not named as the EXR file that it will be."""
+        from scenefold.base.errors import UsageFault
+
+        if exr.suffix.lower() != ".exr":
+            raise UsageFault(
+                "the output is an EXR file", where=f"-o {exr}", remedy="give it a name that ends in .exr; a PNG goes beside it"
+            )
+        return cls(exr, exr.with_suffix(".png"), view)
+
+
 @dataclass(frozen=True, kw_only=True)
 class StillJob:
     """What to render, where, and into which files."""
@@ -49,16 +70,13 @@ class StillJob:
     threads: int | None
     ports: PortPair | None
     options: StillOptions
-    exr: Path
-    png: Path
+    files: ImageFiles
     moment: Moment | None = None
     """Of the file; None: at rest."""
     resume: Path | None = None
     """The file of the kept render."""
     kill: bool = False
     """Whether a node dies on the way, of those that are started for this; with one node none does."""
-    view: str = "agx"
-    """Of the PNG: one of `scenefold.render.view.VIEWS`."""
 
 
 @dataclass
@@ -74,15 +92,6 @@ class Phases:
             yield
         finally:
             self.seconds[name] = round(self.seconds.get(name, 0.0) + time.monotonic() - begun, 3)
-
-
-def png_beside(exr: Path) -> Path:
-    """Where the PNG goes; UsageFault if the output is not named as the EXR file that it will be."""
-    from scenefold.base.errors import UsageFault
-
-    if exr.suffix.lower() != ".exr":
-        raise UsageFault("the output is an EXR file", where=f"-o {exr}", remedy="give it a name that ends in .exr; a PNG goes beside it")
-    return exr.with_suffix(".png")
 
 
 def check_files(file: Path | None, *outputs: Path) -> None:
@@ -140,7 +149,9 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         if embedded is not None:
             embedded.may_die(())
         with phases.time("write"):
-            written = await cluster.in_worker("import", write_image, job, result.options, result.layers, result.exposure)
+            written = await cluster.in_worker(
+                "import", write_image, job.scene_name, job.files, result.options, result.layers, result.exposure
+            )
             if job.resume is not None:
                 job.resume.unlink(missing_ok=True)
         nodes = [node.address for node in await cluster.nodes()]
@@ -291,7 +302,7 @@ async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[tuple[Cluster
     phases.seconds["stop"] = round(time.monotonic() - stopping, 3)
 
 
-def write_image(job: StillJob, options: RenderOptions, layers: dict[str, Pixels], exposure: float | None) -> dict[str, Any]:
+def write_image(scene: str, files: ImageFiles, options: RenderOptions, layers: dict[str, Pixels], exposure: float | None) -> dict[str, Any]:
     """Write the files; what the report says of them. In a worker."""
     from scenefold.render.image_files import image_sha256, write_exr, write_png
 
@@ -299,12 +310,12 @@ def write_image(job: StillJob, options: RenderOptions, layers: dict[str, Pixels]
     said = {name: value for name, value in asdict(options.sampling).items() if value is not None}
     if options.lens is not None:
         said |= asdict(options.lens)
-    metadata = {"scenefold.scene": job.scene_name, "scenefold.image_sha256": sha256, **{f"scenefold.{name}": said[name] for name in said}}
-    write_exr(job.exr, layers, metadata, options.crop, (options.width, options.height))
-    shown = write_png(job.png, layers["beauty"], exposure, job.view)
+    metadata = {"scenefold.scene": scene, "scenefold.image_sha256": sha256, **{f"scenefold.{name}": said[name] for name in said}}
+    write_exr(files.exr, layers, metadata, options.crop, (options.width, options.height))
+    shown = write_png(files.png, layers["beauty"], exposure, files.view)
     return {
         "image_sha256": sha256,
-        "exr": str(job.exr),
+        "exr": str(files.exr),
         "size": [options.width, options.height],
         "crop": None if options.crop is None else options.crop.row(),
         "lens": None if options.lens is None else options.lens.row(),
@@ -312,8 +323,8 @@ def write_image(job: StillJob, options: RenderOptions, layers: dict[str, Pixels]
         "environment_rotation": options.environment_rotation,
         "mips": options.mips,
         "layers": list(layers),
-        "png": str(job.png),
-        "view": job.view,
+        "png": str(files.png),
+        "view": files.view,
         "exposure": shown.exposure,
         "pixels_not_finite": shown.not_finite,
     }

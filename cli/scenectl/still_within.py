@@ -26,7 +26,7 @@ async def make_within(memory: int, job: StillJob, progress: ProgressCallback) ->
     made = await render_within(asked, options, render_progress(progress))
     phases.seconds.update(made.report["render_seconds"])
     with phases.time("write"):
-        written = await trio.to_thread.run_sync(write_image, job, options, made.layers, job.options.exposure)
+        written = await trio.to_thread.run_sync(write_image, job.scene_name, job.files, options, made.layers, job.options.exposure)
     return {
         "scene": job.scene_name,
         "file": str(job.file),

@@ -172,3 +172,31 @@ def test_what_a_running_cluster_cannot_render(arguments: list[str], code: int, w
     assert what in done.refusal(code)
     assert list(tmp_path.iterdir()) == []
     assert scenectl("cluster", "status", profile=profile).code == 0, "the nodes live on"
+
+
+def test_a_render_that_nobody_waits_for(profile: str, tmp_path: Path) -> None:
+    def render(verb: str, *arguments: str | Path) -> Done:
+        return scenectl("render", verb, *arguments, profile=profile, limit_s=KERNELS_S)
+
+    lit = ["--scene", "room", "--sky", "0.5,0.6,0.7", "--json"]
+    small = [*lit, "--size", "48x27", "--samples", "4"]
+    waited = render("still", *small, "-o", tmp_path / "waited.exr").json
+    begun = render("start", *small)
+    assert begun.code == 0 and begun.json["nodes"] == 2, begun.err
+    name = begun.json["render"]
+    watched = render("watch", name[:6], "--json")
+    assert (watched.json["render"], watched.json["phase"], watched.json["scene"]) == (name, "done", "room")
+    assert [one["render"] for one in render("list", "--json").json["renders"]] == [name]
+    for more in (["--keep"], ["--wait"]):
+        fetched = render("fetch", name, "-o", tmp_path / "fetched.exr", "--json", *more)
+        assert fetched.json["image_sha256"] == waited["image_sha256"] and fetched.json["exposure"] == waited["exposure"]
+    assert "no such render" in render("fetch", name, "-o", tmp_path / "again.exr").refusal(1)
+
+    long = render("start", *lit, "--size", "1024x768", "--samples", "65536").json["render"]
+    assert "not there yet" in render("fetch", long, "-o", tmp_path / "long.exr").refusal(3)
+    listed = render("list").out.decode()
+    assert long in listed and "rendering, " in listed and name not in listed
+    assert render("cancel", long, "--json").json["phase"] == "cancelled"
+    assert "no such render" in render("cancel", long).refusal(1)
+    assert "no renders of yours" in render("list").out.decode()
+    assert "no camera" in render("start", *small, "--camera", "nobody").refusal(1)

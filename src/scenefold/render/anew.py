@@ -11,6 +11,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster
 from scenefold.client.together import together
+from scenefold.render.pool.unattended import ALL_JOBS
 from scenefold.wire import JobState, JobStateReply
 
 VAIN_MAX = 3
@@ -22,7 +23,6 @@ CHOOSE_S_MAX = 60.0
 """So long it is tried to find out who may render it then: who knows that may just be starting."""
 CHOOSE_PAUSE_S = 1.0
 ANSWER_S_MAX = 5.0
-NO_JOB = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +69,11 @@ async def silent_of(cluster: Cluster, nodes: Collection[NodeId]) -> frozenset[No
 
     async def look(node: NodeId) -> None:
         try:
-            await cluster.calls.ask(address_of(node), JobState(job=NO_JOB), JobStateReply, timeout_s=ANSWER_S_MAX)
+            await cluster.calls.ask(address_of(node), JobState(job=ALL_JOBS), JobStateReply, timeout_s=ANSWER_S_MAX)
         except Unreachable:
             silent.add(node)
         except (Refused, PeerFault):
-            # There is no such job, but it answers.
+            # Whatever it is, it answers.
             return
 
     await together(partial(look, node) for node in nodes)

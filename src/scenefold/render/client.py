@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,7 +16,8 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.layers import USUAL, Pixels, unpacked
 from scenefold.render.lens import lens_of
 from scenefold.render.levels import adaptive_of
-from scenefold.render.one_image import OneImage, Told, nobody
+from scenefold.render.one_image import Choice, OneImage, Told, nobody
+from scenefold.render.pool.unattended import Unattended
 from scenefold.render.sampling import USUAL_SAMPLING, Sampling
 from scenefold.render.watch import Progress
 from scenefold.render.window import Window
@@ -164,6 +165,67 @@ async def render_still(
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
     wish = OneImage(cluster, scene, wanted, resume, progress, lost, back)
+    (image, report), choice, begun = await _begun_until_it_is(wish, scene, wish.render, progress, tell, organised_by, anew)
+    exposure = options.exposure if options.exposure is not None else said.exposure
+    layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)
+    report |= {"begun": begun, "left_out": [one.document() for one in choice.renderers.left_out]}
+    return StillResult(layers, report, exposure, wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """A render that goes on without its client."""
+
+    job: int
+    organiser: str
+    """Address of the node that organises it, and will have the image."""
+    renderers: Renderers
+    """Who makes it, and who does not."""
+
+    @property
+    def name(self) -> str:
+        """The job's id, as it is printed and typed."""
+        return name_of(self.job)
+
+
+def name_of(job: int) -> str:
+    """What a user calls it: 16 hex digits."""
+    return f"{job:016x}"
+
+
+async def start_still(
+    cluster: Cluster,
+    scene: Scene,
+    options: StillOptions,
+    progress: Progress,
+    *,
+    tell: Callable[[Renderers], None] | None = None,
+    anew: Callable[[Begun], None] | None = None,
+) -> Started:
+    """Have one image rendered, and wait until all nodes are ready and trace; `scenefold.render.unattended` has the rest. Errors as of `render_still`.
+
+    It holds no lease: a scene in render mode may be switched to edit mode meanwhile, which fails it where nodes still read. It goes on
+    without nodes that die, but for the one that organises it.
+    """
+    options.checked()
+    said = options.heeded((await scene.render_settings()).settings)
+    wish = OneImage(cluster, scene, options.checked(said), None, progress)
+    unattended = Unattended(scene.name, options.exposure if options.exposure is not None else said.exposure)
+    taken, _, _ = await _begun_until_it_is(wish, scene, lambda choice: wish.begin(choice, unattended), progress, tell, None, anew)
+    progress("prepare", 1, 1)
+    return Started(taken.job, address_of(taken.organiser), taken.renderers)
+
+
+async def _begun_until_it_is(
+    wish: OneImage,
+    scene: Scene,
+    do: Callable[[Choice], Awaitable[T]],
+    progress: Progress,
+    tell: Callable[[Renderers], None] | None,
+    organised_by: Callable[[str], None] | None,
+    anew: Callable[[Begun], None] | None,
+) -> tuple[T, Choice, int]:
+    """Do it with who may render, and with others where these are lost; with the last of them, and how often it was begun."""
     tries, choice = Tries(), await wish.choose()
     if tell is not None:
         tell(choice.renderers)
@@ -172,19 +234,14 @@ async def render_still(
         if organised_by is not None:
             organised_by(address_of(choice.organiser))
         try:
-            image, report = await wish.render(choice)
-            break
+            return await do(choice), choice, tries.begun
         except (Unreachable, Refused) as error:
             if not tries.may_begin_anew(error, wish.passes_kept):
                 raise
             why = error
-        await cluster.calls.world.clock.sleep(tries.pause_s)
+        await wish.pause(tries.pause_s)
         choice = await wish.choose_again()
         choice.renderers.check_any(scene.name)
         if anew is not None:
             anew(Begun(why, tuple(sorted(map(address_of, choice.silent))), wish.passes_kept))
         progress("prepare", 0, 1)
-    exposure = options.exposure if options.exposure is not None else said.exposure
-    layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)
-    report |= {"begun": tries.begun, "left_out": [one.document() for one in choice.renderers.left_out]}
-    return StillResult(layers, report, exposure, wanted)

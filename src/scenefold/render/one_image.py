@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
+from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
 from scenefold.client.sealing import SceneIdentity
 from scenefold.render.anew import CHOOSE_PAUSE_S, CHOOSE_S_MAX, may_pass, silent_of
@@ -16,7 +17,8 @@ from scenefold.render.choice import Renderers
 from scenefold.render.choosing import renderers_of
 from scenefold.render.job import RenderOptions
 from scenefold.render.kept import read_kept
-from scenefold.render.pool.request import RenderRequest, organiser_of
+from scenefold.render.pool.request import Keep, RenderRequest, organiser_of
+from scenefold.render.pool.unattended import Unattended
 from scenefold.render.reports import image_size, report_of
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.render.watch import Keeper, Progress, Watch
@@ -70,6 +72,10 @@ class OneImage:
         """Who may render it. Without anybody the organiser is node 0, which is none."""
         return self._choice(await renderers_of(self._cluster, self._scene), self._scene.access.identity, frozenset())
 
+    async def pause(self, seconds: float) -> None:
+        """Before it is begun anew."""
+        await self._cluster.calls.world.clock.sleep(seconds)
+
     async def choose_again(self) -> Choice:
         """The same, but for those that were asked before and cannot be reached. It may take a minute until anybody can say it.
 
@@ -102,19 +108,17 @@ class OneImage:
 
     async def render(self, choice: Choice) -> tuple[bytes, dict[str, Any]]:
         """The image, packed, and its report. Unreachable or Refused (16) if it may be begun anew."""
-        cluster, wanted, (renderers, organiser, job, identity, _) = self._cluster, self._wanted, choice
+        cluster, wanted, (renderers, organiser, job, _, _) = self._cluster, self._wanted, choice
         kept = None if self._resume is None else await cluster.in_worker("import", read_kept, self._resume, wanted)
         self._keeper = keeper = None if self._resume is None else Keeper(cluster, self._resume, wanted, kept)
         addresses, asked = [address_of(node) for node in renderers.nodes], address_of(organiser)
         watch = Watch(cluster, asked, job)
-        about = About(cluster.profile.cluster_id, identity.genesis, job)
-        keys = await cluster.in_worker("crypto", seal_keys, identity.keys, renderers.sealing, about, cluster.calls.world.entropy.token)
-        head, keep = _head(self._scene, identity), None if keeper is None else keeper.keep
+        request = await self._request(choice, keep=None if keeper is None else keeper.keep)
         # In render mode nobody switches the scene back before the image is there; who renders in edit mode gets what lies there at the moment.
         async with cluster.calls.leases.rendering(self._scene.access):
             self.asked |= {*renderers.nodes}
             try:
-                await watch.start(RenderRequest(job, identity.scene, identity.genesis, keys, wanted, head, keep))
+                await watch.start(request)
                 if kept is not None:
                     await watch.send_film(kept.film)
                     kept = None
@@ -124,6 +128,47 @@ class OneImage:
                 return await watch.fetch(image_size(wanted), partial(self._progress, "fetch")), report
             finally:
                 await watch.let_go()
+
+    async def begin(self, choice: Choice, unattended: Unattended) -> Choice:
+        """Have it rendered without us, up to where passes are traced; whom of those that may organise it had a place for that.
+
+        Unreachable or Refused (16) if it may be begun anew; Refused (13) if none has a place.
+        """
+        # As for an image that is waited for, as long as nodes read at first.
+        async with self._cluster.calls.leases.rendering(self._scene.access):
+            return await self._begin(choice, unattended)
+
+    async def _begin(self, choice: Choice, unattended: Unattended) -> Choice:
+        busy = set[NodeId]()
+        while True:
+            self.asked |= {*choice.renderers.nodes}
+            watch = Watch(self._cluster, address_of(choice.organiser), choice.job)
+            try:
+                await watch.start(await self._request(choice, unattended=unattended))
+            except Unreachable:
+                # It may have heard of it.
+                await watch.let_go()
+                raise
+            except Refused as refused:
+                busy.add(choice.organiser)
+                if refused.reason is not RejectReason.BUSY or busy >= {*choice.renderers.nodes}:
+                    raise
+                while choice.organiser in busy:
+                    choice = self._choice(choice.renderers, choice.identity, choice.silent)
+                continue
+            try:
+                await watch.until_traced()
+            except BaseException:
+                await watch.let_go()
+                raise
+            return choice
+
+    async def _request(self, choice: Choice, keep: Keep | None = None, unattended: Unattended | None = None) -> RenderRequest:
+        cluster, (renderers, _, job, identity, _) = self._cluster, choice
+        about = About(cluster.profile.cluster_id, identity.genesis, job)
+        keys = await cluster.in_worker("crypto", seal_keys, identity.keys, renderers.sealing, about, cluster.calls.world.entropy.token)
+        head = _head(self._scene, identity)
+        return RenderRequest(job, identity.scene, identity.genesis, keys, self._wanted, head, keep, unattended)
 
 
 def _tell_of(chosen: Collection[str], hears: Told, address: str) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from scenefold.base.errors import PeerFault
+from scenefold.base.ids import checked_node_id
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.base.rays import RAY_BYTES
@@ -67,7 +68,7 @@ class Stand:
 
 def stand_of(packed: bytes, where: str) -> Stand:
     """A state as it came."""
-    with _believed(where):
+    with believed(where):
         document = unpack_value(packed, what="a job's state")
         if not isinstance(document, dict) or document["phase"] not in PHASES:
             raise ValueError("a phase is expected")
@@ -86,13 +87,13 @@ def image_size(options: RenderOptions) -> int:
 
 def numeric_class_of(stand: Stand, where: str) -> str:
     """What the organiser says of it; PeerFault if that is none."""
-    with _believed(where):
+    with believed(where):
         return _short(stand.document["numeric_class"])
 
 
-def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[str], where: str) -> dict[str, Any]:
-    """The report of a finished image (docs/reference/scenectl.md). `chosen`: addresses of those that may have rendered it."""
-    with _believed(where):
+def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[str] | None, where: str) -> dict[str, Any]:
+    """The report of a finished image (docs/reference/scenectl.md). `chosen`: addresses of those that may have rendered it; None if another client chose."""
+    with believed(where):
         plan, least = options.plan, options.plan
         if options.adaptive is not None:
             least = replace(options, samples=options.adaptive.levels(options.samples)[0]).plan
@@ -137,17 +138,20 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
     }
 
 
-def _node(row: dict[str, Any], chosen: Collection[str]) -> dict[str, Any]:
+def _node(row: dict[str, Any], chosen: Collection[str] | None) -> dict[str, Any]:
     """What is told of a node, in the order in which it is reported."""
     _one_of(row["address"], chosen)
     counts = {name: whole(row[name], 0, _COUNT_MAX) for name in _COUNTS}
     return {"address": row["address"], **counts, **{name: _seconds(row[name]) for name in _SECONDS}}
 
 
-def _one_of(address: object, chosen: Collection[str]) -> str:
-    if not isinstance(address, str) or address not in chosen:
+def _one_of(address: object, chosen: Collection[str] | None) -> str:
+    known = text(address)
+    if chosen is None:
+        checked_node_id(known)
+    elif known not in chosen:
         raise ValueError("a node that was not chosen")
-    return address
+    return known
 
 
 def _few(values: Any, most: int) -> list[Any]:
@@ -172,7 +176,8 @@ def _short(value: object) -> str:
 
 
 @contextmanager
-def _believed(where: str) -> Iterator[None]:
+def believed(where: str) -> Iterator[None]:
+    """Around the reading of what an organiser says: PeerFault if it is ill-formed."""
     try:
         yield
     except (MalformedPacket, KeyError, TypeError, ValueError, AttributeError) as error:

@@ -69,24 +69,31 @@ class Watch:
             if answer.reason:
                 raise error_of(answer.reason, answer.text, where=self._address)
 
+    async def stand(self) -> Stand:
+        """How it stands now. What it failed of is raised; PeerFault if the organiser says what makes no sense."""
+        try:
+            reply = await self._ask(JobState(job=self._job), JobStateReply)
+        except Unreachable as error:
+            what = f"the node that organises the render is lost: {error.what}"
+            remedy = "start it again; with --resume it goes on from what was kept"
+            raise Unreachable(what, where=self._address, remedy=remedy) from error
+        stand = stand_of(reply.document, self._address)
+        if stand.phase == "failed":
+            raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
+        return stand
+
+    async def until_traced(self) -> None:
+        """Wait until nobody prepares any more. See `stand`."""
+        while (await self.stand()).phase == "preparing":
+            await self._cluster.calls.world.clock.sleep(POLL_S)
+
     async def until_done(
         self, progress: Progress, keeper: Keeper | None = None, lost: Callable[[str], object] = str, back: Callable[[str], object] = str
     ) -> Stand:
-        """How it stands at the end; what it keeps on the way is written down, and who is lost, or back, is told.
-
-        PeerFault if the organiser says what makes no sense.
-        """
+        """How it stands at the end; what it keeps on the way is written down, and who is lost, or back, is told. See `stand`."""
         clock, is_prepared, lost_so_far, back_so_far = self._cluster.calls.world.clock, False, 0, 0
         while True:
-            try:
-                reply = await self._ask(JobState(job=self._job), JobStateReply)
-            except Unreachable as error:
-                what = f"the node that organises the render is lost: {error.what}"
-                remedy = "start it again; with --resume it goes on from what was kept"
-                raise Unreachable(what, where=self._address, remedy=remedy) from error
-            stand = stand_of(reply.document, self._address)
-            if stand.phase == "failed":
-                raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
+            stand = await self.stand()
             for address in stand.lost[lost_so_far:]:
                 lost(address)
             for address in stand.back[back_so_far:]:
@@ -135,9 +142,13 @@ class Watch:
         """Free the job also when we are cancelled; a node that does not answer frees it by itself later."""
         with trio.move_on_after(LETTING_GO_S_MAX, shield=True):
             try:
-                await self._ask(CancelJob(job=self._job), JobAnswer)
+                await self.cancel()
             except ScenefoldError:
                 return  # what it is worth is known by now
+
+    async def cancel(self) -> None:
+        """Free the job. Unreachable; Refused (16) if the organiser knows it no longer."""
+        await self._ask(CancelJob(job=self._job), JobAnswer)
 
     async def _ask(self, packet: Packet, answer: type[A]) -> A:
         return await self._cluster.calls.ask(self._address, replace(packet), answer, timeout_s=ASK_S_MAX)

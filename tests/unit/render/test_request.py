@@ -15,6 +15,7 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.lens import Lens
 from scenefold.render.levels import Adaptive
 from scenefold.render.pool.request import Keep, RenderRequest
+from scenefold.render.pool.unattended import Unattended
 from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
@@ -40,6 +41,7 @@ REQUEST = RenderRequest(
     ),
     SceneHead(5, bytes(32), 4),
     Keep(2, bytes(range(32)), "embree"),
+    Unattended("kitchen", -0.5),
 )
 DOCUMENT: dict[str, Any] = unpack_value(REQUEST.to_bytes(), what="a request")
 ENDLESS = float("inf")
@@ -75,11 +77,11 @@ OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_r
 
 
 def test_an_older_request_reads_as_it_was_meant() -> None:
-    older = {name: value for name, value in DOCUMENT.items() if name not in OPTIONAL}
-    assert RenderRequest.from_map(7, older) == replace(REQUEST, options=replace(REQUEST.options, **OPTIONAL))
+    older = {name: value for name, value in DOCUMENT.items() if name not in {*OPTIONAL, "unattended"}}
+    assert RenderRequest.from_map(7, older) == replace(REQUEST, options=replace(REQUEST.options, **OPTIONAL), unattended=None)
 
 
-@pytest.mark.parametrize("key", sorted(set(DOCUMENT) - {"request"} - set(OPTIONAL)))
+@pytest.mark.parametrize("key", sorted(set(DOCUMENT) - {"request", "unattended"} - set(OPTIONAL)))
 def test_every_entry_is_needed(key: str) -> None:
     with pytest.raises(PeerFault):
         RenderRequest.from_map(7, {name: value for name, value in DOCUMENT.items() if name != key})
@@ -123,6 +125,13 @@ def test_every_entry_is_needed(key: str) -> None:
         ("keep", [1, bytes(31), "embree"]),
         ("keep", [2**32, bytes(32), "embree"]),
         ("keep", [10**6, bytes(32), "embree"]),
+        ("unattended", 5),
+        ("unattended", ["kitchen"]),
+        ("unattended", [b"kitchen", None]),
+        ("unattended", ["a\nkitchen", None]),
+        ("unattended", ["k" * 65, None]),
+        ("unattended", ["kitchen", ENDLESS]),
+        ("unattended", ["kitchen", 1e6]),
         ("crop", 5),
         ("crop", [1, 2, 3]),
         ("crop", [1, 2, 3, ENDLESS]),

@@ -40,9 +40,10 @@ from scenefold.render.pool.mover import USUAL_PACE, Mover, Pace
 from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.planning import fresh_cells, planned
-from scenefold.render.pool.request import Keep, RenderRequest
+from scenefold.render.pool.request import Keep, RenderRequest, options_document
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import failure_fields, failure_of, told
+from scenefold.render.pool.unattended import IMAGE_KEPT_S
 from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_scene
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
@@ -64,7 +65,7 @@ COMEBACK_WORTH = 2.0
 COMEBACK_TAKES_S = 1.0
 """which is so much at least."""
 KEEP_S = 600.0
-"""A finished image is kept this long for whoever asked for it,"""
+"""A finished image is kept this long for whoever asked for it and waits,"""
 IDLE_S = 60.0
 """but so long without a question only as long as nobody needs its place: a client asks all the time."""
 
@@ -99,7 +100,7 @@ class Organiser:
         self._staged_passes, self._level_end = 0, 0
         """All below the first one are closed; the level that is traced ends before the second."""
         self._seconds: dict[str, float] = {}
-        self._keep = request.keep
+        self._keep, self._options, self._unattended = request.keep, request.options, request.unattended
         self._algorithm, self._camera = request.options.algorithm, request.options.camera
         self._comebacks: Comebacks | None = None
         self._digest = bytes(DIGEST_BYTES)
@@ -110,7 +111,7 @@ class Organiser:
         self._kept: tuple[int, bytes] = (0, b"")
         self._begun_passes = 0
         self._traced: int | None = None
-        self._asked_at = self.now()
+        self._requested_at = self._asked_at = self.now()
         self._scope = trio.CancelScope()
         self.image: bytes = b""
 
@@ -131,7 +132,7 @@ class Organiser:
             if self._failure is not None:
                 # The place is free, and only the words are kept.
                 self._job = self._company = self._attempts = None
-            await self._host.world.clock.sleep(KEEP_S)
+            await self._host.world.clock.sleep(KEEP_S if self._unattended is None else IMAGE_KEPT_S)
         with trio.CancelScope(shield=True), trio.move_on_after(ASK_S_MAX):
             await self._free()
 
@@ -142,13 +143,14 @@ class Organiser:
 
     @property
     def is_idle(self) -> bool:
-        """Whether the image is there, and nobody has asked for it for a while."""
-        return self._phase == "done" and self.now() - self._asked_at > IDLE_S
+        """Whether the image is there, and nobody has asked for it for a while who would."""
+        return self._phase == "done" and self._unattended is None and self.now() - self._asked_at > IDLE_S
 
     @property
     def is_forsaken(self) -> bool:
         """Whether it is at work, and nobody has asked for it for so long that nobody will."""
-        return self._phase not in ("done", "failed") and self.now() - self._asked_at > FORSAKEN_S
+        at_work = self._phase not in ("done", "failed")
+        return at_work and self._unattended is None and self.now() - self._asked_at > FORSAKEN_S
 
     def asked(self) -> None:
         """Somebody still wants the image."""
@@ -162,16 +164,31 @@ class Organiser:
         """Nobody wants the image any more."""
         self._scope.cancel()
 
+    @property
+    def ends(self) -> bool:
+        """Whether that was said: it is only freed yet."""
+        return self._scope.cancel_called
+
+    def row(self) -> dict[str, Value]:
+        """The job among others, for the user who asked for it."""
+        plan = None if self._job is None else self._job.plan
+        return {
+            "phase": self._phase,
+            **failure_fields(self._failure),
+            "passes": 0 if plan is None else plan.count if self._traced is None else self._begun_passes,
+            "closed": 0 if plan is None else self._before if self._attempts is None else self._attempts.closed,
+            "age": self.now() - self._requested_at,
+            "options": options_document(self._options),
+            "unattended": None if self._unattended is None else self._unattended.row(),
+        }
+
     def state(self) -> dict[str, Value]:
         """How the job stands, for the client."""
         plan = None if self._job is None else self._job.plan
         states = {} if self._company is None else self._company.states
         return {
-            "phase": self._phase,
-            **failure_fields(self._failure),
-            "passes": 0 if plan is None else plan.count if self._traced is None else self._begun_passes,
+            **self.row(),
             "paths": 0 if plan is None else plan.paths if self._traced is None else self._traced,
-            "closed": 0 if plan is None else self._before if self._attempts is None else self._attempts.closed,
             "numeric_class": "" if self._job is None else self._job.numeric_class,
             "paths_before": self._paths_before,
             "kept_passes": self._kept[0],

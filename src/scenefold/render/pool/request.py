@@ -14,6 +14,7 @@ from scenefold.render.lens import Lens
 from scenefold.render.levels import Adaptive
 from scenefold.render.passes import place_of
 from scenefold.render.pool.own_passes import owner_index
+from scenefold.render.pool.unattended import Unattended
 from scenefold.render.sampling import Sampling
 from scenefold.render.sealed_keys import SealedKeys
 from scenefold.render.window import Window
@@ -59,6 +60,8 @@ class RenderRequest:
     head: SceneHead = NO_HEAD
     keep: Keep | None = None
     """None: no film of it is kept before it is done."""
+    unattended: Unattended | None = None
+    """None: its client waits for the image, and it is given up without it."""
 
     def to_bytes(self) -> bytes:
         """The packed document."""
@@ -71,6 +74,7 @@ class RenderRequest:
                 "head": self.head.row(),
                 **options_document(self.options),
                 "keep": None if self.keep is None else self.keep.row(),
+                "unattended": None if self.unattended is None else self.unattended.row(),
             }
         )
 
@@ -78,26 +82,7 @@ class RenderRequest:
     def from_map(cls, job: int, document: dict[str, Any]) -> RenderRequest:
         """The request of a document; PeerFault if it is none."""
         try:
-            red, green, blue = (number(channel) for channel in document["sky"])
-            camera = document["camera"]
-            options = RenderOptions(
-                width=whole(document["width"], *WORD),
-                height=whole(document["height"], *WORD),
-                samples=whole(document["samples"], *WORD),
-                seed=whole(document["seed"], *WORD),
-                depth=whole(document["depth"], *WORD),
-                sky=(red, green, blue),
-                camera=None if camera is None else text(camera),
-                algorithm=text(document["algorithm"]),
-                moving=flag(document.get("moving", False)),
-                layers=layers_of_row(document["layers"]),
-                crop=Window.of_row(document["crop"]),
-                lens=Lens.of_row(document.get("lens")),
-                sampling=Sampling.of_row(document.get("sampling")),
-                environment_rotation=number(document.get("environment_rotation", 0.0)),
-                adaptive=Adaptive.of_row(document["adaptive"]),
-                mips=flag(document.get("mips", True)),
-            )
+            options = options_of(document)
             request = cls(
                 job,
                 SceneId(whole(document["scene"], 0, 2**32 - 1)),
@@ -106,6 +91,7 @@ class RenderRequest:
                 options,
                 SceneHead.of_row(document["head"]),
                 Keep.of_row(document["keep"]),
+                Unattended.of_row(document.get("unattended")),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise PeerFault("a request to render is ill-formed", where=f"{type(error).__name__}: {error}") from error
@@ -135,6 +121,30 @@ def options_document(options: RenderOptions) -> dict[str, Value]:
         "adaptive": None if options.adaptive is None else options.adaptive.row(),
         "mips": options.mips,
     }
+
+
+def options_of(document: dict[str, Any]) -> RenderOptions:
+    """What `options_document` gave, unchecked; KeyError, TypeError or ValueError for anything else."""
+    red, green, blue = (number(channel) for channel in document["sky"])
+    camera = document["camera"]
+    return RenderOptions(
+        width=whole(document["width"], *WORD),
+        height=whole(document["height"], *WORD),
+        samples=whole(document["samples"], *WORD),
+        seed=whole(document["seed"], *WORD),
+        depth=whole(document["depth"], *WORD),
+        sky=(red, green, blue),
+        camera=None if camera is None else text(camera),
+        algorithm=text(document["algorithm"]),
+        moving=flag(document.get("moving", False)),
+        layers=layers_of_row(document["layers"]),
+        crop=Window.of_row(document["crop"]),
+        lens=Lens.of_row(document.get("lens")),
+        sampling=Sampling.of_row(document.get("sampling")),
+        environment_rotation=number(document.get("environment_rotation", 0.0)),
+        adaptive=Adaptive.of_row(document["adaptive"]),
+        mips=flag(document.get("mips", True)),
+    )
 
 
 def organiser_of(job: int, nodes: Sequence[NodeId]) -> NodeId:

@@ -22,6 +22,7 @@ from scenefold.render.pool.part import Part
 from scenefold.render.pool.places import Places
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.telling import reason_of, words_of
+from scenefold.render.pool.unattended import ALL_JOBS
 from scenefold.wire import (
     AcknowledgeRays,
     CancelJob,
@@ -39,6 +40,7 @@ from scenefold.wire import (
     PassSums,
     SendRays,
     StartJob,
+    Value,
     pack_value,
     unpack_value,
 )
@@ -144,7 +146,11 @@ class RenderService:
             self._organisers.drop(job, organiser)
 
     async def _on_state(self, packet: JobState, peer: str) -> JobStateReply:
-        if peer.startswith("user:"):
+        state: dict[str, Value]
+        if peer.startswith("user:") and packet.job == ALL_JOBS:
+            mine = [(job, one) for job, one in self._organisers.jobs() if self._organisers.asker(job) == peer and not one.ends]
+            state = {"jobs": [{"job": job, **one.row()} for job, one in mine]}
+        elif peer.startswith("user:"):
             state = self._organiser(packet.job, peer).state()
         else:
             part, _ = self._part_with(packet.job, peer)

@@ -24,6 +24,7 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.pool.mover import Pace
 from scenefold.render.pool.request import Keep, RenderRequest, organiser_of
 from scenefold.render.pool.service import RenderService
+from scenefold.render.pool.unattended import Unattended
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys, seal_keys
 from scenefold.scene.head import SceneHead
 from scenefold.scene.log import EpochKeys
@@ -177,17 +178,28 @@ class MemoryPool:
     async def ask(self, node: NodeId, packet: Packet) -> Any:
         return await self.deliver(USER, node, packet)
 
-    def request(self, job: int, options: RenderOptions, chosen: Sequence[NodeId], keep: Keep | None = None) -> StartJob:
+    def request(
+        self, job: int, options: RenderOptions, chosen: Sequence[NodeId], keep: Keep | None = None, unattended: Unattended | None = None
+    ) -> StartJob:
         """What a client says that has chosen these nodes."""
         recipients = {node: self.hosts[node].sealing.public for node in chosen}
         keys = seal_keys(EpochKeys.only(SCENE_KEY), recipients, About(CLUSTER, GENESIS, job), self.world.entropy.token)
-        return StartJob(job=job, document=RenderRequest(job, SceneId(1), GENESIS, keys, options, keep=keep).to_bytes())
+        return StartJob(
+            job=job, document=RenderRequest(job, SceneId(1), GENESIS, keys, options, keep=keep, unattended=unattended).to_bytes()
+        )
 
-    async def start(self, job: int, options: RenderOptions, chosen: Sequence[NodeId] | None = None, keep: Keep | None = None) -> NodeId:
+    async def start(
+        self,
+        job: int,
+        options: RenderOptions,
+        chosen: Sequence[NodeId] | None = None,
+        keep: Keep | None = None,
+        unattended: Unattended | None = None,
+    ) -> NodeId:
         """Ask the organiser for a render on these nodes (all); its id."""
         nodes = self.nodes if chosen is None else chosen
         owner = organiser_of(job, nodes)
-        answer = await self.ask(owner, self.request(job, options, nodes, keep))
+        answer = await self.ask(owner, self.request(job, options, nodes, keep, unattended))
         assert isinstance(answer, JobAnswer)
         if answer.reason:
             raise Refused(RejectReason(answer.reason), answer.text)
