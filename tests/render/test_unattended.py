@@ -74,7 +74,7 @@ async def test_it_goes_on_though_nobody_asks(room: Records, monkeypatch: pytest.
         with trio.fail_after(60):
             # One looks for both at once: whoever asks for one of them keeps it alive.
             while len(rows := await jobs(pool, owner)) > 1 or rows[0]["phase"] != "rendering":
-                await trio.sleep(0.02)
+                await pool.world.clock.sleep(0.02)
         assert [row["job"] for row in rows] == [1]
         for _ in range(2):
             # Twice is no more than once.
@@ -93,7 +93,7 @@ async def test_its_image_makes_way_for_nobody(room: Records, monkeypatch: pytest
         assert [row["job"] for row in await jobs(pool, pool.nodes[0])] == [1, 3, 4]
         with trio.fail_after(30):
             while await refused(pool, 90):
-                await trio.sleep(0.01)
+                await pool.world.clock.sleep(0.01)
         assert sorted(row["job"] for row in await jobs(pool, pool.nodes[0])) == [1, 3, 4, 90]
 
 
