@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import trio
+import trio.testing
 
 from render.painted_room import write_room
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
@@ -13,6 +14,8 @@ from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.render.in_memory import RecordsInMemory, one_node_job
 from scenefold.render.job import RenderOptions
+from scenefold.render.pool.company import ASK_S_MAX
+from scenefold.render.pool.organiser import Organiser
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import load_share, read_tables
 from scenefold.render.rehearsal.pool import SCENE_KEY, MemoryPool, Records, memory_pool, sha256_of
@@ -253,3 +256,21 @@ async def test_who_is_asked_in_vain_is_away(room: Records) -> None:
         pool.hosts[asked].handlers[JobState] = (waits, False)
         with pytest.raises(Unreachable, match=r"within 0\.01 s"):
             await pool.hosts[asks].ask(asked, JobState(job=11), 0.01)
+
+
+async def test_a_node_that_ends_waits_for_nothing(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job that was cancelled lets its nodes go; this one's own part may have ended by then."""
+    free, begun = Organiser._free, trio.Event()
+
+    async def free_last(self: Organiser) -> None:
+        begun.set()
+        await trio.testing.wait_all_tasks_blocked(cushion=0.5)  # what it traces in a thread has ended by then
+        await free(self)
+
+    monkeypatch.setattr(Organiser, "_free", free_last)
+    with trio.fail_after(ASK_S_MAX / 2):
+        async with memory_pool(offline_world(), room, 1) as pool:
+            owner = await pool.start(11, RenderOptions(width=320, height=240, samples=4096, sky=(0.2, 0.3, 0.5)))
+            await pool.until(11, owner, "rendering")
+            await pool.ask(owner, CancelJob(job=11))
+            await begun.wait()

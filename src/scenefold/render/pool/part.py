@@ -84,25 +84,28 @@ class Part:
 
     async def run(self) -> None:
         """Prepare, wait for the word, trace until `end`. Failures are kept in `failure`, for whoever asks."""
-        with self._scope:
-            try:
-                await self._prepare()
-                await self._go.wait()
-                self.phase = Phase.RUNNING
-                async with trio.open_nursery() as nursery:
-                    nursery.start_soon(self._moving.run)
-                    while True:
-                        await self._trace()
-            except* DiskFailed:
-                raise
-            except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
-                self.phase, self.failure = Phase.FAILED, failure_of(group, self.job.id, self._quiet, self._host.world.clock.now())
-        self._prepared.set()
-        self._member = None
-        self._rested.set()
-        with trio.CancelScope(shield=True):
-            await self._moving.end()
-        self._ended.set()
+        try:
+            with self._scope:
+                try:
+                    await self._prepare()
+                    await self._go.wait()
+                    self.phase = Phase.RUNNING
+                    async with trio.open_nursery() as nursery:
+                        nursery.start_soon(self._moving.run)
+                        while True:
+                            await self._trace()
+                except* DiskFailed:
+                    raise
+                except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
+                    self.phase, self.failure = Phase.FAILED, failure_of(group, self.job.id, self._quiet, self._host.world.clock.now())
+        finally:
+            # Also if the node ends: whoever organises a job here waits for its own part then.
+            self._prepared.set()
+            self._member = None
+            self._rested.set()
+            with trio.CancelScope(shield=True):
+                await self._moving.end()
+            self._ended.set()
 
     async def _trace(self) -> None:
         """One attempt, until another one begins."""
