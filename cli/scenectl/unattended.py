@@ -13,10 +13,16 @@ from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table, time_text
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from scenectl.progress import Progress
     from scenefold.client import Cluster
     from scenefold.render.choice import Renderers
     from scenefold.render.client import Started
+    from scenefold.render.reports import NodeStand, Stand
     from scenefold.render.unattended import KnownRender, Listing
+
+    Seen = Callable[[Stand, list[NodeStand]], None]
 
 TITLES = ("render", "scene", "size", "samples", "state", "begun", "organiser")
 
@@ -97,18 +103,22 @@ def watch(render: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     render
         Its name, or how that begins, as `scenectl render list` shows it.
     """
+    from contextlib import nullcontext
+
     from scenectl.progress import Progress
+    from scenectl.render_nodes import live_table
     from scenectl.running import connected, run
 
-    async def wait(progress: Progress) -> KnownRender:
+    async def wait(progress: Progress, seen: Seen | None) -> KnownRender:
         from scenefold.render.unattended import find_render
 
         async with connected(output.profile) as cluster:
-            await _wait(cluster, await find_render(cluster, render), progress)
+            await _wait(cluster, await find_render(cluster, render), progress, seen)
             return await find_render(cluster, render)
 
-    with Progress(quiet=output.json) as progress:
-        done = run(wait, progress)
+    # Where the table is shown it says how far the render is, too.
+    with nullcontext() if output.json else live_table() as seen, Progress(quiet=output.json or seen is not None) as progress:
+        done = run(wait, progress, seen)
     emit(output, done.document(), f"The image of render {done.name} is there: scenectl render fetch {done.name} -o image.exr")
 
 
@@ -197,13 +207,13 @@ def cancel(render: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     emit(output, known.document() | {"phase": "cancelled"}, f"Render {known.name} has ended, and its image is gone.")
 
 
-async def _wait(cluster: Cluster, known: KnownRender, progress: Any) -> None:
+async def _wait(cluster: Cluster, known: KnownRender, progress: Progress, seen: Seen | None = None) -> None:
     from scenectl.still import render_progress
     from scenefold.render.unattended import watch_render
 
     lost = partial(_tell, "is lost: the others take its part of the scene over, and trace again what only it had")
     back = partial(_tell, "is back, and takes part again")
-    await watch_render(cluster, known, render_progress(progress), lost=lost, back=back)
+    await watch_render(cluster, known, render_progress(progress), lost=lost, back=back, seen=seen)
 
 
 def _tell(what: str, address: str) -> None:

@@ -80,6 +80,32 @@ def stand_of(packed: bytes, where: str) -> Stand:
         return Stand(document["phase"], closed, passes, kept, content, reason, failure, lost, back, document)
 
 
+@dataclass(frozen=True, slots=True)
+class NodeStand:
+    """How one node of a job stands; all counts are of the job so far, and 0 before it traces."""
+
+    address: str
+    triangles: int
+    """In its cell."""
+    casts: int
+    rays_sent: int
+    waiting: int
+    """Rays that are to be traced here."""
+    busy_s: float
+    """That its threads spent tracing, added up."""
+
+
+def nodes_of(stand: Stand, where: str) -> list[NodeStand]:
+    """What the organiser says of the job's nodes while it goes on. PeerFault if that is ill-formed."""
+    with believed(where):
+        return [_node_stand(row) for row in _few(stand.document["nodes"], POOL_NODES_MAX)]
+
+
+def _node_stand(row: dict[str, Any]) -> NodeStand:
+    triangles, casts, sent, waiting = (whole(row.get(name, 0), 0, _COUNT_MAX) for name in ("triangles", "casts", "rays_sent", "waiting"))
+    return NodeStand(_one_of(row["address"], None), triangles, casts, sent, waiting, _seconds(row.get("busy_seconds", 0.0)))
+
+
 def image_size(options: RenderOptions) -> int:
     """The bytes of a finished image."""
     return image_bytes(options.layers, options.window.pixels)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -21,7 +22,7 @@ from scenefold.render.layers import unpacked
 from scenefold.render.one_image import Told, nobody
 from scenefold.render.pool.request import options_of
 from scenefold.render.pool.unattended import ALL_JOBS, Unattended
-from scenefold.render.reports import PHASES, believed, image_size, report_of
+from scenefold.render.reports import PHASES, NodeStand, Stand, believed, image_size, nodes_of, report_of
 from scenefold.render.watch import Progress, Watch
 from scenefold.wire import JobState, JobStateReply, unpack_value
 
@@ -126,9 +127,25 @@ async def find_render(cluster: Cluster, name: str) -> KnownRender:
     )
 
 
-async def watch_render(cluster: Cluster, render: KnownRender, progress: Progress, *, lost: Told = nobody, back: Told = nobody) -> None:
-    """Wait until its image is there; told as in `render_still`. What it failed of is raised."""
-    await Watch(cluster, render.organiser, render.job).until_done(progress, None, lost, back)
+async def watch_render(
+    cluster: Cluster,
+    render: KnownRender,
+    progress: Progress,
+    *,
+    lost: Told = nobody,
+    back: Told = nobody,
+    seen: Callable[[Stand, list[NodeStand]], object] | None = None,
+) -> None:
+    """Wait until its image is there; told as in `render_still`, and `seen`, several times a second, how it and its nodes stand.
+
+    What it failed of is raised.
+    """
+
+    def look(stand: Stand) -> None:
+        if seen is not None:
+            seen(stand, nodes_of(stand, render.organiser))
+
+    await Watch(cluster, render.organiser, render.job).until_done(progress, None, lost, back, look)
 
 
 async def fetch_render(cluster: Cluster, render: KnownRender, progress: Progress) -> StillResult:

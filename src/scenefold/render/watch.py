@@ -30,6 +30,10 @@ Progress = Callable[[str, int, int], None]
 A = TypeVar("A", bound=Packet)
 
 
+def _unseen(_stand: Stand) -> None:
+    """Who wants no more than the progress."""
+
+
 class Keeper:
     """The file of a kept render."""
 
@@ -88,12 +92,18 @@ class Watch:
             await self._cluster.calls.world.clock.sleep(POLL_S)
 
     async def until_done(
-        self, progress: Progress, keeper: Keeper | None = None, lost: Callable[[str], object] = str, back: Callable[[str], object] = str
+        self,
+        progress: Progress,
+        keeper: Keeper | None = None,
+        lost: Callable[[str], object] = str,
+        back: Callable[[str], object] = str,
+        seen: Callable[[Stand], object] = _unseen,
     ) -> Stand:
-        """How it stands at the end; what it keeps on the way is written down, and who is lost, or back, is told. See `stand`."""
+        """How it stands at the end; what it keeps on the way is written down, who is lost, or back, is told, and `seen` all on the way. See `stand`."""
         clock, is_prepared, lost_so_far, back_so_far = self._cluster.calls.world.clock, False, 0, 0
         while True:
             stand = await self.stand()
+            seen(stand)
             for address in stand.lost[lost_so_far:]:
                 lost(address)
             for address in stand.back[back_so_far:]:

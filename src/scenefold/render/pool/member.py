@@ -271,6 +271,11 @@ class Member:
         return self._own.opened
 
     @property
+    def waiting(self) -> int:
+        """Rays that wait to be traced here."""
+        return len(self._queue)
+
+    @property
     def owned(self) -> int:
         """How many passes this node owns."""
         return self._own.total

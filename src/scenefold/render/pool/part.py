@@ -312,6 +312,7 @@ class Part:
                 "closed": 0 if member is None else member.closed,
                 "opened": 0 if member is None else member.opened,
                 "owned": 0 if member is None else member.owned,
+                "waiting": 0 if member is None else member.waiting,
                 "rays": statistics.rays,
                 "casts": statistics.casts,
                 "shadow_casts": statistics.shadow_casts,
