@@ -76,7 +76,8 @@ CHAIN = (
 
 LEASES = (
     Run("leases", "", "a switch: one ballot"),
-    Run("leases", "-DB=2", "a switch: two ballots", quick=False),
+    Run("leases", "-DB=2 -DHOLDER=0 -DACTOR=1", "two ballots, the lease at 0, who acts at 1"),
+    Run("leases", "-DB=2", "two ballots, the lease and who acts anywhere", quick=False),
     Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1", "three ballots, the lease at 0, who acts at 1", quick=False),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0", "an entry or a removal before; the lease at who may be removed", quick=False),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=3 -DACTOR=0", "the same, the lease at the observer"),
@@ -89,11 +90,13 @@ LEASES = (
     Run("leases", "-DMUT_LENT", "a lent lease is ignored at the vote"),
     Run("leases", "-DMUT_OBSERVER", "observers are not asked"),
     Run("leases", "-DMUT_RELEASE", "releases are not durable"),
+    Run("leases", "-DMUT_PARTICIPANT_RELEASE", "a participant releases while something that it lent is live"),
+    Run("leases", "-DMUT_PARTICIPANT_EARLY", "a participant releases what it has not decided"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0 -DMUT_REMOVED", "who was removed just before is forgotten"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0 -DMUT_LEAVING", "a removal that is accepted keeps nobody from granting"),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=3 -DACTOR=0 -DMUT_LEAVING", "likewise, that of the observer", quick=False),
     Run("leases", "-DPOSITIONS=2 -DHOLDER=2 -DACTOR=0 -DMUT_AHEAD", "granted whatever was decided since"),
-    Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1 -DMUT_BALLOTS", "votes of several ballots count as all", quick=False),
+    Run("leases", "-DB=3 -DHOLDER=0 -DACTOR=1 -DMUT_BALLOTS", "votes of ballots below that of the certificate count, too"),
     Run("leases", "-DOWNER -DMUT_WAIT", "an owner's lease, no T_WAIT"),
     Run("leases", "-DOWNER -DMUT_GRANT", "an owner's lease, granted with a vote open"),
 )

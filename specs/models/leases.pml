@@ -60,6 +60,7 @@ bit remembered;             /* the lender knows that it lent it; gone at a crash
 byte careful;               /* after a start the lender takes for so long that it did */
 byte released;              /* durable, at the observer: 1 + the position that it released */
 byte said;                  /* the fact that it signed of that */
+bit parted;                 /* likewise a participant that holds the lease: it releases the switch */
 
 /* Who acts by the entry */
 byte actor = 9;
@@ -151,12 +152,21 @@ bit active_;
         :: d_step { me == holder && c[me] <= LAST_POSITION && !(ENDED && c[me] > WHERE) && MAY_ASK -> \
                 left_ = T; granted = 0; have_ = c[me] }
 
-/* (a) of the page: all votes in one ballot, the observer's release, nobody was removed lately; (b) the wait. */
+/* (a) of the page: of each participant a vote in a ballot not below that of a certificate, or a release; the observer's release; nobody was
+ * removed lately; (b) the wait. Any facts may be known, and more of them only allow more: so all that there are count, from any certificate on. */
 #define VOTES_OF(b) ((b) <= B && value[AT(WHERE, ((b) <= B -> (b) : 1))] == SWITCH -> voters[AT(WHERE, ((b) <= B -> (b) : 1))] & SET(WHERE) : 0)
-#ifdef MUT_BALLOTS                      /* votes of several ballots */
-#define ALL_VOTED ((VOTES_OF(1) | VOTES_OF(2) | VOTES_OF(3)) == SET(WHERE))
+#define VOTES_FROM_3 VOTES_OF(3)
+#define VOTES_FROM_2 (VOTES_OF(2) | VOTES_FROM_3)
+#define VOTES_FROM_1 (VOTES_OF(1) | VOTES_FROM_2)
+#define CERTIFIED(b) (SIZE(VOTES_OF(b)) >= MAJORITY(SET(WHERE)))
+/* Who never holds the lease has nothing of before, and may release the switch as soon as it has decided it. */
+#define PARTED(n) ((n) == holder -> parted : ENDED && c[n] > WHERE)
+#define RELEASED ((PARTED(0) -> 1 : 0) | (PARTED(1) -> 2 : 0) | (PARTED(2) -> 4 : 0))
+#define COVERED(votes) ((((votes) | RELEASED) & SET(WHERE)) == SET(WHERE))
+#ifdef MUT_BALLOTS                      /* votes of ballots below that of the certificate count, too */
+#define ALL_PARTED COVERED(VOTES_FROM_1)
 #else
-#define ALL_VOTED (VOTES_OF(1) == SET(WHERE) || VOTES_OF(2) == SET(WHERE) || VOTES_OF(3) == SET(WHERE))
+#define ALL_PARTED ((CERTIFIED(1) && COVERED(VOTES_FROM_1)) || (CERTIFIED(2) && COVERED(VOTES_FROM_2)) || (CERTIFIED(3) && COVERED(VOTES_FROM_3)))
 #endif
 #ifdef MUT_OBSERVER
 #define ALL_RELEASED true
@@ -171,7 +181,7 @@ bit active_;
 #ifdef OWNER
 #define SHORT false
 #else
-#define SHORT (ALL_VOTED && ALL_RELEASED && NOBODY_LEFT)
+#define SHORT (ALL_PARTED && ALL_RELEASED && NOBODY_LEFT)
 #endif
 #ifdef MUT_WAIT
 #define WAITED true
@@ -198,6 +208,18 @@ bit active_;
 #define KNOWN true
 #endif
 
+/* A participant releases what it has decided, once nothing of before is held or lent there. */
+#ifdef MUT_PARTICIPANT_RELEASE          /* whatever it has lent */
+#define NOTHING_LEFT true
+#else
+#define NOTHING_LEFT (left_ == 0 && !(lent && remembered) && !careful)
+#endif
+#ifdef MUT_PARTICIPANT_EARLY            /* shown a vote, as an observer does, but not durably */
+#define MAY_PART (ENDING != 0)
+#else
+#define MAY_PART (ENDED && c[me] > WHERE)
+#endif
+
 #define less(x) x = (x > 0 -> x - 1 : 0)
 
 active [4] proctype Node() {
@@ -221,6 +243,7 @@ end:    do
         :: d_step { me == holder && lent && remembered -> lent = 0; remembered = 0 }      /* and gives it back */
         :: d_step { me == OBSERVER && ENDING && released <= c[me] && KNOWN ->             /* shown a vote for a switch, it releases */
                 released = ENDING; said = ENDING; if :: me == holder -> drop :: else fi }
+        :: d_step { me == holder && me < N && !parted && MAY_PART && NOTHING_LEFT -> parted = 1 }
         :: d_step { me == holder && me < N && (left_ || remembered) -> drop; remembered = 0; careful = T }      /* crashes */
         :: d_step { me == holder && me == OBSERVER && (left_ || released) -> drop; LOSE }
 #endif
