@@ -71,6 +71,9 @@ CHAIN = (
     Run("chain", "-DN=5 -DLOSSES=3 -DCRASHES=1 -DEARLY=1", "5 nodes, more faults", quick=False),
     Run("chain", "-DMUT_QUORUM -DLOSSES=2", "a quorum too small"),
     Run("chain", "-DMUT_HIGHEST -DLOSSES=4", "a hop does not pass on what it has accepted"),
+    Run(
+        "chain", "-DN=5 -DLOSSES=2 -DDEATHS=2 -DMUT_REFUSAL", "promises that come with a refusal count, without what they name", quick=False
+    ),
     Run("chain", "-DMUT_ORPHAN -DLOSSES=1 -DCRASHES=1 -DASKERS=1", "nobody takes over"),
 )
 

@@ -116,6 +116,7 @@ inline start() {
         mine = b; promised[me] = b; doing = PREPARE; best = accepted[me]; hint = 0;
         both_arms()
 }
+inline rest() { hint = (hint > mine -> hint : mine); doing = 0; mine = 0; got = 0; best = 0; arms = 0 }
 inline go_on() {                        /* all arms are back, or the pass took too long */
         if
         :: doing == PREPARE && SIZE(got) >= MAJORITY && promised[me] == mine && (best || wants[me]) ->
@@ -125,7 +126,7 @@ inline go_on() {                        /* all arms are back, or the pass took t
                 both_arms()
         :: doing == ACCEPT && SIZE(got) >= MAJORITY ->
                 v = best; settle(v); pushed = (BIT(N) - 1) & ~BIT(me) & ~gone
-        :: else -> hint = (hint > mine -> hint : mine); doing = 0; mine = 0; got = 0; best = 0; arms = 0
+        :: else -> rest()
         fi
 }
 inline on_propose() {                   /* `to`: away from the maker */
@@ -151,6 +152,11 @@ inline on_propose() {                   /* `to`: away from the maker */
         fi;
         send()
 }
+#ifdef MUT_REFUSAL                      /* promises that come with a refusal count, without what they name */
+#define ENDS false
+#else
+#define ENDS (kind == reject && phase == PREPARE)
+#endif
 inline on_answer() {                    /* `to`: towards the maker */
         if
         :: kind == reject && v < 4 && !decided[me] -> settle(v)
@@ -159,7 +165,10 @@ inline on_answer() {                    /* `to`: towards the maker */
         fi;
         if
         :: me != MAKER(b) -> send()
-        :: me == MAKER(b) && b == mine && phase == doing ->
+        :: me == MAKER(b) && b == mine && phase == doing && ENDS ->
+                if :: v / 4 > hint -> hint = v / 4 :: else fi;
+                rest()
+        :: me == MAKER(b) && b == mine && phase == doing && !ENDS ->
                 arms = (arms > 0 -> arms - 1 : 0);
                 got = got | facts;
                 if :: kind == reject && v / 4 > hint -> hint = v / 4
