@@ -21,6 +21,7 @@ from loopback import addresses, free_ports
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.client import connect
 from scenefold.client.modes import set_mode
+from scenefold.client.requests import Request
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess
 from scenefold.node.local import LocalCluster, local_cluster
@@ -77,7 +78,7 @@ class Author:
         """One more change, until it is acknowledged."""
         request = (self._name + b"%d" % next(self._numbers)).rjust(16, b"-")
         with trio.fail_after(PATIENCE_S):
-            read = await self.log.propose(self._moved, request_id=request)
+            read = await self.log.propose(self._moved, again=Request(request))
         self.acknowledged[request] = read.state.requests[request]
 
     async def toggle(self) -> None:

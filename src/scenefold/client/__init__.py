@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from scenefold.client.reencryption import Reencryption
     from scenefold.client.removals import RemovedNode
     from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
+    from scenefold.client.requests import InDoubt, Request
     from scenefold.client.restoring import CheckedArchive, RestoreOptions, RestoreReport, check_archive
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scene_log import Standing
@@ -73,6 +74,7 @@ _HOMES = {
     "scenefold.client.reencryption": "Reencryption",
     "scenefold.client.removals": "RemovedNode",
     "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
+    "scenefold.client.requests": "InDoubt Request",
     "scenefold.client.restoring": "CheckedArchive RestoreOptions RestoreReport check_archive",
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scene_log": "Standing",
@@ -118,6 +120,7 @@ __all__ = [
     "FreshItem",
     "HandoverReport",
     "ImportReport",
+    "InDoubt",
     "KeptScene",
     "Keyring",
     "LogStory",
@@ -133,6 +136,7 @@ __all__ = [
     "Rebased",
     "Reencryption",
     "RemovedNode",
+    "Request",
     "RestoreOptions",
     "RestoreReport",
     "Scene",

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import trio
 
-from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.limits import CIPHERTEXT_BYTES_MAX, CLIENT_BATCH_BYTES, CLIENT_STATUS_S
 from scenefold.base.location import Location
@@ -28,6 +28,7 @@ from scenefold.client.known_log import LOOK_S
 from scenefold.client.log_reading import ReadLog
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
+from scenefold.client.requests import Request
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.sealing import Opened, SceneIdentity, are_sound, key_withheld, open_all, unlisted_all
 from scenefold.client.setbacks import Setbacks
@@ -165,9 +166,12 @@ class SceneAccess:
         """The newest log. Payloads that are written from now on hold coordinates as it says."""
         return self._known(await self.log_or_fault().newest())
 
-    async def change_log(self, entry_of: Callable[[SceneLog], LogEntry], *, forced: bool = False) -> ReadLog:
-        """Bring an entry into the log; see `LogAccess.propose`."""
-        return self._known(await self.log_or_fault().propose(entry_of, forced=forced))
+    async def change_log(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Request | None = None, forced: bool = False) -> ReadLog:
+        """Bring an entry into the log; see `LogAccess.propose`. UsageFault for a request that does not say where it was offered."""
+        if again is not None and not again.offered_at:
+            what = "where the request was offered is not said, and what was offered there may still come"
+            raise UsageFault(what, where=f"request {again}", remedy="give the request as the error names it, with the position")
+        return self._known(await self.log_or_fault().propose(entry_of, again=again, forced=forced))
 
     def _known(self, log: ReadLog) -> ReadLog:
         keys = self.log_or_fault().keys.epochs

@@ -83,4 +83,8 @@ class Doubt:
             lost = f"the answer to {self._what} was lost, and it may have happened"
             what = f"{f'{self._what} may have happened: {since}' if since else lost}; a later try: {error.what}"
             remedy = self._remedy if isinstance(self._remedy, str) else self._remedy(number)
-            raise Unreachable(what, where=self._where(number), remedy=remedy) from error
+            raise self._unknown(number, what, where=self._where(number), remedy=remedy) from error
+
+    def _unknown(self, number: int, what: str, *, where: str, remedy: str) -> Unreachable:
+        """What is raised in place of a refusal."""
+        return Unreachable(what, where=where, remedy=remedy)

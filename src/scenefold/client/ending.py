@@ -10,6 +10,7 @@ from scenefold.base.ids import SceneId
 from scenefold.base.location import FIRST, LAST
 from scenefold.base.reasons import RejectReason
 from scenefold.client.ranging import entries
+from scenefold.client.requests import Request
 from scenefold.wire import EndScene, SceneLogPublic, SceneMode
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ async def plan_end(access: SceneAccess) -> SceneEnd:
     return SceneEnd(header.scene, None, records=count)
 
 
-async def end_scene(access: SceneAccess) -> SceneEnd:
+async def end_scene(access: SceneAccess, *, again: Request | None = None) -> SceneEnd:
     """End the scene, for ever; an owner's to do. A scene that was ended stays so.
 
     LocalFault if we are no owner; Refused (9) in render mode, (13) while a lease may still be used that somebody has borrowed to edit or
@@ -61,11 +62,12 @@ async def end_scene(access: SceneAccess) -> SceneEnd:
     """
     header = await _header(access)
     if header.mode is SceneMode.ENDED:
-        return _ended(header, was_ended=True)
+        # Nobody shows its log any more; the header of what participants have decided names the request.
+        return _ended(header, was_ended=again is None or header.request != again.id)
     await access.log_or_fault().owner()
     _check_mode(access, header)
     try:
-        header = (await access.change_log(lambda _: EndScene())).header
+        header = (await access.change_log(lambda _: EndScene(), again=again)).header
     except (Refused, Unreachable, LocalFault):
         # Somebody else may have ended it meanwhile, or our own word have been taken and the answer lost.
         header = await _header(access)

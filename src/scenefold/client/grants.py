@@ -13,6 +13,7 @@ from typing import Any
 from scenefold.base.errors import LocalFault, Refused, UsageFault
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import grant_of
+from scenefold.client.requests import Request
 from scenefold.crypto import Card
 from scenefold.scene.log import Granted, SceneLog
 from scenefold.wire import Batch, KeyEpoch, Revoke, Role
@@ -57,7 +58,7 @@ async def access_of(access: SceneAccess) -> Access:
     return _access(await _state(access))
 
 
-async def grant(access: SceneAccess, card: Card, role: Role) -> Access:
+async def grant(access: SceneAccess, card: Card, role: Role, *, again: Request | None = None) -> Access:
     """Let the holder of a card, which the caller has verified (as `card_for` does), use the scene; or give a member a higher role.
 
     LocalFault if he has that role or a higher one, or has access with other keys, and for a node that shall be an owner: those who open
@@ -67,15 +68,15 @@ async def grant(access: SceneAccess, card: Card, role: Role) -> Access:
         remedy = "make it a reader or a writer"
         raise LocalFault("only users can own a scene", where=card.name, remedy=remedy)
     entry = grant_of(card.name, role, card.keys.signing, card.keys.sealing)
-    return _access((await access.change_log(lambda _: entry)).state)
+    return _access((await access.change_log(lambda _: entry, again=again)).state)
 
 
-async def revoke(access: SceneAccess, name: str) -> Access:
+async def revoke(access: SceneAccess, name: str, *, again: Request | None = None) -> Access:
     """End a member's access. The scene gets a new key, which he has not; what lies under older ones he may have read already.
 
     LocalFault if there is no such member, or it is the last owner.
     """
-    return _access((await access.change_log(partial(_revocation, access, name))).state)
+    return _access((await access.change_log(partial(_revocation, access, name), again=again)).state)
 
 
 async def plan_revoke(access: SceneAccess, name: str) -> Access:
@@ -94,9 +95,9 @@ def _revocation(access: SceneAccess, name: str, log: SceneLog) -> Batch:
     return Batch((Revoke(log.grants.named(name).key), _next_epoch(access, log)))
 
 
-async def rotate_key(access: SceneAccess) -> Access:
+async def rotate_key(access: SceneAccess, *, again: Request | None = None) -> Access:
     """Begin a new key epoch: from now on everything is sealed under a new key."""
-    return _access((await access.change_log(lambda log: _next_epoch(access, log))).state)
+    return _access((await access.change_log(lambda log: _next_epoch(access, log), again=again)).state)
 
 
 def _next_epoch(access: SceneAccess, log: SceneLog) -> KeyEpoch:

@@ -16,6 +16,7 @@ from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
 from scenefold.client.log_reading import ReadLog
+from scenefold.client.requests import Request
 from scenefold.scene.log import SceneLog
 from scenefold.wire import Batch, BorrowLease, LeaseUse, LentLease, LogEntry, SceneLogPublic, SceneMode, SetMode
 from scenefold.world import Priority
@@ -53,20 +54,22 @@ async def set_mode(
     so_already: Callable[[int | None], object] = id,
     *,
     force: bool = False,
+    again: Request | None = None,
 ) -> ModeShown:
     """Change the mode, if it is another one, and wait until it is active, though not for ever. `decided` is told the log's position then.
 
     `so_already`: told in its place, by whoever knows the newest, that nothing was to be changed: since which position, None if that is not known.
     Refused (13) while a participant has lent what may still be used, which it has asked for to be given back, or an observer renders; (3) if one
     that seems alive does not say whether it suits it; (2) if somebody else has switched it again meanwhile. `force`: nobody is asked. Then renders
-    come to an end, and what was lent runs out before.
+    come to an end, and what was lent runs out before. `again`: see `LogAccess.propose`.
     """
     header, is_ours = await _header(access), False
-    if header.mode is not mode:
-        log, is_ours = await _switched(access, mode, force=force)
+    if header.mode is not mode or again is not None:
+        log, is_ours = await _switched(access, mode, again, force=force)
         header = log.header
         if is_ours:
-            decided(_since(log, mode) or header.position)
+            at = _since(log, mode) if again is None else log.state.requests[again.id]
+            decided(at or header.position)
     clock = access.calls.world.clock
     began = clock.now()
     while True:
@@ -87,10 +90,10 @@ class _SoAlready(LocalFault):
     """Somebody else was faster, with the same mode."""
 
 
-async def _switched(access: SceneAccess, mode: SceneMode, *, force: bool) -> tuple[ReadLog, bool]:
+async def _switched(access: SceneAccess, mode: SceneMode, again: Request | None, *, force: bool) -> tuple[ReadLog, bool]:
     """The log in which it is so, and whether by us."""
     try:
-        return await access.change_log(partial(_switching, access.name, mode), forced=force), True
+        return await access.change_log(partial(_switching, access.name, mode), again=again, forced=force), True
     except _SoAlready:
         return await access.read_log(), False
 

@@ -12,6 +12,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DECIDERS_MAX
 from scenefold.client.access import SceneAccess
 from scenefold.client.attendance import check_majority, has_majority, present_among
+from scenefold.client.requests import Request
 from scenefold.scene.log import SceneLog
 from scenefold.wire import AddParticipant, Batch, LogEntry, Member, ParticipantEntry, RemoveParticipant, SceneLogPublic, SingleEntry
 
@@ -65,20 +66,20 @@ async def _header(access: SceneAccess) -> SceneLogPublic:
     return header
 
 
-async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEntry]) -> Deciders:
+async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEntry], *, again: Request | None = None) -> Deciders:
     """Let another node decide, too; while the origin decides alone, let these decide in its place, and it only if it is one of them.
 
     LocalFault if one takes part already, or these are several, and others decide. Refused (15) if of those who decide then no majority answers.
     That they are trusted the caller has seen to (`entry_of`).
     """
     await _check_attendance(access, joining=[entry.member for entry in entries])
-    return deciders_in((await access.change_log(partial(_joining, access.name, entries))).header)
+    return deciders_in((await access.change_log(partial(_joining, access.name, entries), again=again)).header)
 
 
-async def remove_participant(access: SceneAccess, node: NodeId) -> Deciders:
+async def remove_participant(access: SceneAccess, node: NodeId, *, again: Request | None = None) -> Deciders:
     """Let a node decide no more, whichever life it leads. LocalFault if it does not, or nobody else does; Refused (15) as above."""
     await _check_attendance(access, leaving=node)
-    return deciders_in((await access.change_log(partial(_leaving, access.name, node))).header)
+    return deciders_in((await access.change_log(partial(_leaving, access.name, node), again=again)).header)
 
 
 async def _check_attendance(access: SceneAccess, *, joining: Sequence[Member] = (), leaving: NodeId | None = None) -> None:

@@ -26,6 +26,7 @@ from scenefold.client.purging import purge
 from scenefold.client.reencrypting import look_what_is_to_seal, reencrypt
 from scenefold.client.reencryption import Reencryption
 from scenefold.client.render_settings import SettingsShown, change_settings, settings_of
+from scenefold.client.requests import Request
 from scenefold.client.scene_log import Standing
 from scenefold.client.space import Space
 from scenefold.client.suspects import SuspectReport, look_at_suspects
@@ -69,7 +70,7 @@ class SceneInfo:
 
 
 class Scene:
-    """Made by `cluster.scenes`, or by `open_scene_with_keys`."""
+    """Made by `cluster.scenes`, or by `open_scene_with_keys`. What takes `again` makes one change of the scene's log; see `Request`."""
 
     def __init__(self, access: SceneAccess) -> None:
         self.access = access
@@ -98,7 +99,12 @@ class Scene:
         return self.space(found.id)
 
     async def create_space(
-        self, name: str, box: tuple[Sequence[float], Sequence[float]] | None = None, **options: Unpack[SpaceOptions]
+        self,
+        name: str,
+        box: tuple[Sequence[float], Sequence[float]] | None = None,
+        *,
+        again: Request | None = None,
+        **options: Unpack[SpaceOptions],
     ) -> Space:
         """Make a space, for ever: nodes know of it from the next record on.
 
@@ -106,7 +112,7 @@ class Scene:
         (default: 3, or as the box has). See `SpaceOptions` for the rest. LocalFault if a space of that name or number exists.
         """
         make = new_space(name, box, **options)
-        log = await self.access.change_log(make)
+        log = await self.access.change_log(make, again=again)
         return self.space(log.state.named(name).id)
 
     async def content(self) -> SceneDocument | None:
@@ -121,17 +127,17 @@ class Scene:
         """Who may use this scene, and in which role."""
         return await access_of(self.access)
 
-    async def grant(self, card: Card, role: Role) -> Access:
+    async def grant(self, card: Card, role: Role, *, again: Request | None = None) -> Access:
         """Let the holder of a verified card use this scene; see `grants.grant`. An owner's to do, as are the next two."""
-        return await grant(self.access, card, role)
+        return await grant(self.access, card, role, again=again)
 
-    async def revoke(self, name: str, *, dry_run: bool = False) -> Access:
+    async def revoke(self, name: str, *, dry_run: bool = False, again: Request | None = None) -> Access:
         """End a member's access; the scene gets a new key. `dry_run`: only say what that would leave."""
-        return await (plan_revoke if dry_run else revoke)(self.access, name)
+        return await (plan_revoke(self.access, name) if dry_run else revoke(self.access, name, again=again))
 
-    async def rotate_key(self) -> Access:
+    async def rotate_key(self, *, again: Request | None = None) -> Access:
         """Seal what is written from now on under a new key. `reencrypt` does the same for what is there."""
-        return await rotate_key(self.access)
+        return await rotate_key(self.access, again=again)
 
     async def reencrypt(self, progress: ProgressCallback | bool = False, bytes_per_s: float | None = None) -> Reencryption:
         """Seal everything anew that lies under an older key; a writer's to do. May be cancelled, and begun again; see `reencrypting`."""
@@ -170,33 +176,35 @@ class Scene:
         """Who decides the scene's log."""
         return await deciders_of(self.access)
 
-    async def add_participants(self, entries: Sequence[ParticipantEntry]) -> Deciders:
+    async def add_participants(self, entries: Sequence[ParticipantEntry], *, again: Request | None = None) -> Deciders:
         """Let another node decide, too; an owner's to do. `entries`: of `cluster.membership.participants`, for only trusted nodes may."""
-        return await add_participants(self.access, entries)
+        return await add_participants(self.access, entries, again=again)
 
-    async def remove_participant(self, node: NodeId) -> Deciders:
+    async def remove_participant(self, node: NodeId, *, again: Request | None = None) -> Deciders:
         """Let a node decide no more; an owner's to do. It takes a majority of those who decide, the node itself counted."""
-        return await remove_participant(self.access, node)
+        return await remove_participant(self.access, node, again=again)
 
-    async def add_observer(self, entry: ParticipantEntry) -> Deciders:
+    async def add_observer(self, entry: ParticipantEntry, *, again: Request | None = None) -> Deciders:
         """Let a node observe the scene; an owner's to do. `entry`: of `cluster.membership.participants`."""
-        return await add_observer(self.access, entry)
+        return await add_observer(self.access, entry, again=again)
 
-    async def remove_observer(self, node: NodeId) -> Deciders:
+    async def remove_observer(self, node: NodeId, *, again: Request | None = None) -> Deciders:
         """Let a node observe the scene no more; an owner's to do."""
-        return await remove_observer(self.access, node)
+        return await remove_observer(self.access, node, again=again)
 
     async def render_settings(self) -> SettingsShown:
         """What an image of it is by default, as its log says."""
         return await settings_of(self.access)
 
-    async def change_render_settings(self, change: Callable[[RenderSettings], RenderSettings]) -> SettingsShown:
+    async def change_render_settings(
+        self, change: Callable[[RenderSettings], RenderSettings], *, again: Request | None = None
+    ) -> SettingsShown:
         """Have that changed; an owner's to do, in edit mode. See `change_settings`."""
-        return await change_settings(self.access, change)
+        return await change_settings(self.access, change, again=again)
 
-    async def end(self, *, dry_run: bool = False) -> SceneEnd:
+    async def end(self, *, dry_run: bool = False, again: Request | None = None) -> SceneEnd:
         """End this scene, for ever; an owner's to do. `dry_run`: only say what would be lost; see `ending`."""
-        return await (plan_end if dry_run else end_scene)(self.access)
+        return await (plan_end(self.access) if dry_run else end_scene(self.access, again=again))
 
     async def standing(self, request_id: bytes, offered_at: int = 0) -> Standing:
         """What became of a change of which nobody knew; see `LogAccess.standing`."""

@@ -5,6 +5,7 @@ client with the scene's keys reads the newest log, makes the record that shall f
 together (offering.py). If somebody else was faster, it reads again and makes its record anew from what the log says now; the request id
 stays, so that a proposal whose answer was lost is found instead of being made twice. What is not found may still be on its
 way, until its position is taken: till then nobody is told that it was refused (doubt.py), and the very same header is proposed again.
+Whoever is told that nobody knows may repeat the change in any process, under the same request (requests.py, repeating.py).
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from scenefold.client.offering import Rejected, offered, offered_to
 from scenefold.client.offers import proposal_of, refusal_of
 from scenefold.client.pace import Pace
 from scenefold.client.patience import Patience, is_passing
+from scenefold.client.repeating import check_same, check_told_of, is_told_of, state_before
+from scenefold.client.requests import InDoubt, Request
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.scene.log import Draft, Followed, SceneLog, follow, keys_with_log
 from scenefold.wire import LogEntry, ProposeSceneLog, SceneLogPublic
@@ -53,6 +56,26 @@ class Standing:
         return {"outcome": outcome, "position": self.position, "known_position": self.known}
 
 
+class _ChangeDoubt(Doubt):
+    """Of offers of one change, by their positions."""
+
+    def __init__(self, name: str, request_id: bytes) -> None:
+        def remedy(position: int) -> str:
+            told = f"`scenectl scene status {name} {Request(request_id, position)}` tells what became of it"
+            return f"{told}: see, before you repeat it"
+
+        super().__init__("a change", lambda _: f"scene {name}", remedy, is_open_after=_may_be_decided)
+        self._request_id = request_id
+
+    def _unknown(self, number: int, what: str, *, where: str, remedy: str) -> Unreachable:
+        return InDoubt(what, where=where, remedy=remedy, request=Request(self._request_id, number))
+
+
+def _may_be_decided(reason: RejectReason) -> bool:
+    """After a Fault for this reason."""
+    return reason not in _NOT_LOOKED_AT
+
+
 class _VoterAway(NotReached):
     """The one node that decides where scenes begin."""
 
@@ -67,24 +90,21 @@ def _voter_is_away(voter: NodeId) -> _VoterAway:
 class LogAccess(LogReading):
     """What is read, and what is proposed."""
 
-    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, request_id: bytes | None = None, forced: bool = False) -> ReadLog:
-        """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew.
+    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Request | None = None, forced: bool = False) -> ReadLog:
+        """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew, and of one log the same one.
 
-        `request_id`: of an entry that was proposed before, and may be in the log: it will be there once. `forced`: it is a change of the mode, and
-        goes in whomever it does not suit. LocalFault if the entry does not fit,
-        or we are no owner; Refused if it did not go in, or (9) the mode forbids it; Unreachable, with words, if nobody knows.
+        `again`: the request by which it was proposed before, and may be in the log, or on its way: it will be there once. `forced`: it is a change of
+        the mode, and goes in whomever it does not suit. LocalFault if the entry does not fit, or we are no owner, or the log has another entry
+        under that request; Refused if it did not go in, or (9) the mode forbids it, or (2) the log has forgotten such an old request; InDoubt if nobody knows.
         """
         secrets = await self.owner()
-        may_go_on = request_id is None and self._was_alone
-        request_id = request_id or self._calls.world.entropy.token(_REQUEST_ID_BYTES)
-        doubt = self._doubt(
-            "a change",
-            lambda position: (
-                f"`scenectl scene status {self._name} {request_id.hex()}@{position}` tells what became of it: see, before you repeat it"
-            ),
-        )
+        request = Request(self._calls.world.entropy.token(_REQUEST_ID_BYTES)) if again is None else again
+        doubt = _ChangeDoubt(self._name, request.id)
+        if request.offered_at:
+            # What was offered then may come, whatever is answered now.
+            doubt.note([request.offered_at])
         with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, request_id, secrets.signing, doubt, may_go_on=may_go_on, forced=forced)
+            return await self._proposed(entry_of, request, secrets.signing, doubt, is_new=again is None, forced=forced)
 
     async def owner(self) -> MemberSecrets:
         """What we sign changes with; LocalFault if we are no owner of the scene."""
@@ -97,11 +117,11 @@ class LogAccess(LogReading):
     async def _proposed(
         self,
         entry_of: Callable[[SceneLog], LogEntry],
-        request_id: bytes,
+        request: Request,
         author: SigningKey,
         doubt: Doubt,
         *,
-        may_go_on: bool,
+        is_new: bool,
         forced: bool,
     ) -> ReadLog:
         clock, pace = self._calls.world.clock, Pace(self._calls)
@@ -110,29 +130,30 @@ class LogAccess(LogReading):
         problem: Unreachable | PeerFault | Refused | None = None
         first: NodeId | None = None
         before: ReadLog | None = None
-        if may_go_on:
-            draft = await self._gone_on(entry_of, request_id, author)
+        if is_new and self._was_alone:
+            draft = await self._gone_on(entry_of, request.id, author)
         for attempt in range(CLIENT_LOG_TRIES_MAX + 1):
             await pace.pause(is_late=first is not None and before is not None and bool(before.header.participants))
             before = draft[0] if draft is not None and attempt == 0 else await self.newer(first)
-            if request_id in before.state.requests:
-                return before
+            if request.id in before.state.requests:
+                doubt.settle_all()
+                return before if is_new else await self._found(before, entry_of, request)
             if draft is not None and not before.state.tells_of(draft[1].header.position):
                 # So much was decided since that the log would not know the request any more.
                 break
             if draft is not None and first is not None and before.header.position < draft[1].header.position:
                 # Nobody shows what it says that there is.
                 pace.failures += 1
-            if draft is not None and before.header.position >= draft[1].header.position:
+            if before.header.position >= max(request.offered_at, 0 if draft is None else draft[1].header.position):
                 # Whatever was offered so far has its position taken by something else, and never goes in.
                 doubt.settle_all()
                 problem = None
+            if draft is None:
+                check_told_of(before.state, request, self._name)
             is_late = bool(before.header.participants) and clock.now() >= until
             if attempt == CLIENT_LOG_TRIES_MAX or is_late:
                 break
-            if draft is None or draft[0].header.proposed() != before.header.proposed():
-                made = self._following(before, entry_of(before.state), request_id, author)
-                draft = before, await self._calls.world.workers.run("crypto", made.sealed)
+            draft = await self._drafted(draft, before, entry_of, request.id, author)
             after = draft[1]
             try:
                 # Who says that others were faster is asked first again: there we stand in line.
@@ -154,6 +175,26 @@ class LogAccess(LogReading):
                 raise problem
         busy = Refused(RejectReason.BUSY, "others change the scene all the time", where=f"scene {self._name}", remedy="try again")
         raise problem or busy
+
+    async def _found(self, read: ReadLog, entry_of: Callable[[SceneLog], LogEntry], request: Request) -> ReadLog:
+        """A log that has the request of somebody who repeats a change; errors as of `check_same`."""
+        then = await self._calls.world.workers.run("crypto", state_before, read.log, read.state.requests[request.id])
+        check_same(read, then, request, entry_of, self._name)
+        return read
+
+    async def _drafted(
+        self,
+        draft: tuple[ReadLog, Followed] | None,
+        before: ReadLog,
+        entry_of: Callable[[SceneLog], LogEntry],
+        request_id: bytes,
+        author: SigningKey,
+    ) -> tuple[ReadLog, Followed]:
+        """The next position behind `before`: the very same draft while that is the newest header."""
+        if draft is not None and draft[0].header.proposed() == before.header.proposed():
+            return draft
+        made = self._following(before, entry_of(before.state), request_id, author)
+        return before, await self._calls.world.workers.run("crypto", made.sealed)
 
     async def _gone_on(
         self, entry_of: Callable[[SceneLog], LogEntry], request_id: bytes, author: SigningKey
@@ -183,7 +224,7 @@ class LogAccess(LogReading):
             found, known = read.state.requests.get(request_id), read.header.position
             if found is not None:
                 return Standing(found, True, known)
-            if offered_at and known >= offered_at and read.state.tells_of(max(1, offered_at - CLIENT_LOG_TRIES_MAX)):
+            if offered_at and known >= offered_at and is_told_of(read.state, offered_at):
                 return Standing(None, True, known)
             if not read.header.participants:
                 return Standing(None, False, known)
@@ -244,7 +285,7 @@ class LogAccess(LogReading):
 
     def _doubt(self, what: str, remedy: Callable[[int], str]) -> Doubt:
         """Of offers, by their positions."""
-        return Doubt(what, lambda _: f"scene {self._name}", remedy, is_open_after=lambda reason: reason not in _NOT_LOOKED_AT)
+        return Doubt(what, lambda _: f"scene {self._name}", remedy, is_open_after=_may_be_decided)
 
     async def _offer(self, packet: ProposeSceneLog, before: SceneLogPublic, doubt: Doubt, attempt: int) -> SceneLogPublic | Rejected:
         """One round of asking those who decide what follows `before`. Who was asked first last time, and could not, is asked last this time."""

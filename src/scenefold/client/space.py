@@ -21,6 +21,7 @@ from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, found_in_box, logged_space
 from scenefold.client.progress import ProgressCallback, ProgressState, callback_of
 from scenefold.client.rebasing import Carried, Rebased, carried, rebase
+from scenefold.client.requests import Request
 from scenefold.client.sealing import Opened, payload_of
 from scenefold.client.splitting import Shape, SplitReport, merge, remove_record, split
 from scenefold.client.steps import checked_factor, checked_offset, movable
@@ -192,32 +193,33 @@ class Space:
         """The space as the scene's log describes it now: dimensions, box, transforms; maps locations to positions."""
         return await logged_space(self._access, self.id)
 
-    async def translate(self, offset: Sequence[float]) -> LoggedSpace:
+    async def translate(self, offset: Sequence[float], *, again: Request | None = None) -> LoggedSpace:
         """Move the space: from now on its addresses mean places that lie by `offset` further. No record is moved.
 
-        Gives the space as it is then. LocalFault for an offset of another number of coordinates, or not finite.
+        Gives the space as it is then. LocalFault for an offset of another number of coordinates, or not finite. `again`: see `Request`.
         """
         by = checked_offset(offset, self.id)
-        log = await self._access.change_log(lambda log: TranslateSpace(movable(log, self.id), by))
+        log = await self._access.change_log(lambda log: TranslateSpace(movable(log, self.id), by), again=again)
         return log.state.space(self.id)
 
-    async def scale(self, factor: float) -> LoggedSpace:
-        """Scale the space about the world's origin, along all axes alike; `factor` > 0. No record is moved."""
+    async def scale(self, factor: float, *, again: Request | None = None) -> LoggedSpace:
+        """Scale the space about the world's origin, along all axes alike; `factor` > 0. No record is moved. `again`: see `Request`."""
         by = checked_factor(factor, self.id)
-        log = await self._access.change_log(lambda log: ScaleSpace(movable(log, self.id), by))
+        log = await self._access.change_log(lambda log: ScaleSpace(movable(log, self.id), by), again=again)
         return log.state.space(self.id)
 
-    async def set_copies(self, copies: int, copies_min: int | None = None) -> LoggedSpace:
+    async def set_copies(self, copies: int, copies_min: int | None = None, *, again: Request | None = None) -> LoggedSpace:
         """Say how many nodes shall hold each record from now on, 1 to 8, and how many must before a write counts as done. An owner's to do.
 
         What is there already is copied, or copies of it go, in the background, and can be read and written meanwhile. The shadows that this
         takes are made. `copies_min` None: as it was, or 2 where there was one copy, or `copies` if that is less. Gives the space as it is
-        then. LocalFault for a shadow, and for numbers that cannot be.
+        then. LocalFault for a shadow, and for numbers that cannot be. `again`: see `Request`.
         """
         change = new_copies(self.id, copies, copies_min)
         log = await self._access.read_log()
-        if not is_so_already(change(log.state), log.state):
-            log = await self._access.change_log(change)
+        is_there = again is not None and again.id in log.state.requests
+        if is_there or not is_so_already(change(log.state), log.state):
+            log = await self._access.change_log(change, again=again)
         return log.state.space(self.id)
 
     async def plan_copies(self, copies: int, copies_min: int | None = None, progress: ProgressCallback | bool = False) -> CopiesPlan:

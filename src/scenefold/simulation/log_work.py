@@ -9,7 +9,6 @@ from __future__ import annotations
 import random
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from functools import partial
 
 import trio
 
@@ -18,6 +17,7 @@ from scenefold.base.ids import SpaceId
 from scenefold.client.births import grant_of
 from scenefold.client.copies import new_copies
 from scenefold.client.new_space import new_space
+from scenefold.client.requests import Request
 from scenefold.client.scene import Scene
 from scenefold.client.scene_log import LogAccess, ReadLog
 from scenefold.crypto import MemberSecrets
@@ -153,18 +153,18 @@ class LogClient:
         def noting(log: SceneLog) -> LogEntry:
             nonlocal offered_at
             entry = make(log)
-            offered_at = log.position + 1
+            offered_at = max(offered_at, log.position + 1)
             return entry
 
         for _ in range(TRIES):
-            told = await self._once(request, partial(self._proposed, noting, request))
+            told = await self._once(request, lambda: self._proposed(noting, Request(request, offered_at)))
             if told is Told.UNKNOWN and self.dice.random() < LOOKS:
                 told = await self._once(request, lambda: self._looked(request, offered_at))
             if told is not Told.UNKNOWN:
                 break
             await trio.sleep(REST_S * self.dice.random())
         if told is Told.COMMITTED and self.dice.random() < AGAIN:
-            await self._once(request, partial(self._proposed, noting, request))
+            await self._once(request, lambda: self._proposed(noting, Request(request, offered_at)))
         return told
 
     async def _once(self, request: bytes, ask: Callable[[], Awaitable[tuple[Told, int]]]) -> Told:
@@ -185,10 +185,10 @@ class LogClient:
             self._ended(attempt, told, position)
         return told
 
-    async def _proposed(self, make: Make, request: bytes) -> tuple[Told, int]:
-        self._read = read = await self._log.propose(make, request_id=request)
+    async def _proposed(self, make: Make, request: Request) -> tuple[Told, int]:
+        self._read = read = await self._log.propose(make, again=request)
         self.watch.shown(self.name, read.header)
-        return Told.COMMITTED, read.state.requests[request]
+        return Told.COMMITTED, read.state.requests[request.id]
 
     async def _looked(self, request: bytes, offered_at: int) -> tuple[Told, int]:
         """Whoever nobody answered asks what became of it."""

@@ -139,8 +139,8 @@ async def test_what_is_called_decided_is_the_entry_that_switched_and_no_later_on
     scene, _ = await hall_of(council, tmp_path)
     change, ours = scene.access.change_log, council.newest(scene.id).position + 1
 
-    async def overtaken(entry_of: Callable[[SceneLog], LogEntry], *, forced: bool = False) -> ReadLog:
-        await change(entry_of, forced=forced)
+    async def overtaken(entry_of: Callable[[SceneLog], LogEntry], *, again: None, forced: bool = False) -> ReadLog:
+        await change(entry_of, again=again, forced=forced)
         await change(lambda _: SetMode(SceneMode.EDIT))
         return await scene.access.read_log()
 
