@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit, note
+from scenectl.repeating import RequestOption, one_change
 from scenectl.values import SpaceOption, name_or_number, whole
 from scenefold.base.limits import COPIES_MAX
 
@@ -30,6 +31,7 @@ def copies(
     min_copies: MinCopiesOption | None = None,
     scene: SceneOption,
     dry_run: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Say how many nodes shall hold each record of a space from now on; an owner's to do.
@@ -60,7 +62,7 @@ def copies(
             return await (await opened.space_named(name_or_number(space.text))).plan_copies(number, min_copies, progress)
 
     if dry_run:
-        with Progress(quiet=output.json) as progress:
+        with one_change("space copies", request, is_none=True), Progress(quiet=output.json) as progress:
             planned = run(plan, progress)
         emit(output, {"scene": scene, **planned.document()}, plan_text(planned))
         return
@@ -68,10 +70,11 @@ def copies(
     async def change() -> tuple[LoggedSpace, list[Shortage]]:
         async with connected(output.profile) as cluster:
             opened: Scene = await cluster.scenes.open(scene)
-            said = await (await opened.space_named(name_or_number(space.text))).set_copies(number, min_copies)
+            said = await (await opened.space_named(name_or_number(space.text))).set_copies(number, min_copies, again=request)
             return said, await cluster.shortages(said.copies, said.copies_min)
 
-    said, short = run(change)
+    with one_change("space copies", request):
+        said, short = run(change)
     document = {"scene": scene, **said.document(), "shortages": [one.document() for one in short]}
     emit(output, document, f"Space {said.name} shall have {copies_text(said.copies, said.copies_min)}.")
     warn_of(said.name, short)

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from scenectl.errors import DEGRADED, DONE
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, and_text, emit, note, table
+from scenectl.repeating import RequestOption, one_change
 from scenectl.values import ONE_WORD, Addresses, AddressOption, is_digits
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DECIDERS_MAX
@@ -66,7 +67,9 @@ def participants(scene: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE
     emit_deciders(output, scene, run(ask))
 
 
-def add_participant(scene: SceneName, /, *address: AddressOption, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def add_participant(
+    scene: SceneName, /, *address: AddressOption, request: RequestOption = None, output: ProfileOutput = DEFAULT_PROFILE
+) -> None:
     """Let another trusted node decide, too; only owners of the scene can. Where the cluster's first voter decides alone, name all that shall.
 
     Example: scenectl scene add-participant kitchen 192.168.1.14 --profile studio
@@ -88,12 +91,16 @@ def add_participant(scene: SceneName, /, *address: AddressOption, output: Profil
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
             entries = await cluster.membership.participants(nodes)
-            return await (await cluster.scenes.open(scene)).add_participants(entries)
+            return await (await cluster.scenes.open(scene)).add_participants(entries, again=request)
 
-    _emit_changed(output, scene, run(do))
+    with one_change("scene add-participant", request):
+        found = run(do)
+    _emit_changed(output, scene, found)
 
 
-def remove_participant(scene: SceneName, address: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def remove_participant(
+    scene: SceneName, address: AddressOption, /, *, request: RequestOption = None, output: ProfileOutput = DEFAULT_PROFILE
+) -> None:
     """Let a node decide no more, such as one that is gone for good; only owners can. It takes a majority, the node itself counted.
 
     Example: scenectl scene remove-participant kitchen 192.168.1.14 --profile studio
@@ -109,9 +116,11 @@ def remove_participant(scene: SceneName, address: AddressOption, /, *, output: P
 
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).remove_participant(node_id_of(address.text))
+            return await (await cluster.scenes.open(scene)).remove_participant(node_id_of(address.text), again=request)
 
-    _emit_changed(output, scene, run(do))
+    with one_change("scene remove-participant", request):
+        found = run(do)
+    _emit_changed(output, scene, found)
 
 
 def relieve(

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note
+from scenectl.repeating import RequestOption, one_change
 from scenefold.base.errors import UsageFault
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ def rm(
     *,
     yes: Flag = False,
     dry_run: Flag = False,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """End a scene for ever: nothing of it is written or read any more, and all nodes drop what it held. Only owners can.
@@ -42,14 +44,14 @@ def rm(
     """
     from scenectl.running import connected, run
 
-    if not (yes or dry_run):
-        _confirm(str(scene), output)
-
     async def do() -> SceneEnd:
         async with connected(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).end(dry_run=dry_run)
+            return await (await cluster.scenes.open(scene)).end(dry_run=dry_run, again=request)
 
-    found = run(do)
+    with one_change("scene rm", request, is_none=dry_run):
+        if not (yes or dry_run):
+            _confirm(str(scene), output)
+        found = run(do)
     emit(output, {"scene": scene, "dry_run": dry_run, **found.document()}, end_text(str(scene), found))
 
 

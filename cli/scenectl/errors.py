@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
+from scenefold.client.requests import InDoubt
 
 DONE = 0
 FAILED = 1
@@ -62,6 +63,8 @@ class Ending:
     what: str
     where: str = ""
     remedy: str = ""
+    request: str = ""
+    """Of a change of a scene of which nobody knows."""
 
     @property
     def line(self) -> str:
@@ -70,6 +73,8 @@ class Ending:
     def document(self) -> dict[str, object]:
         """The JSON form: stable, see docs/reference/scenectl.md."""
         error = {"kind": self.kind, "what": self.what, "where": self.where, "remedy": self.remedy}
+        if self.request:
+            error["request"] = self.request
         return {"error": error, "exit_code": self.exit_code}
 
 
@@ -128,7 +133,9 @@ def _leaves(error: BaseException) -> list[BaseException]:
 
 
 def _ending(kind: str, exit_code: int, error: ScenefoldError) -> Ending:
-    return Ending(kind, exit_code, *map(with_addresses, (error.what, error.where, error.remedy)))
+    request = str(error.request) if isinstance(error, InDoubt) else ""
+    what, where, remedy = map(with_addresses, (error.what, error.where, error.remedy))
+    return Ending(kind, exit_code, what, where, remedy, request)
 
 
 def with_addresses(text: str) -> str:

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from scenectl.errors import DONE, UNREACHABLE
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note
+from scenectl.repeating import RequestOption, one_change
 
 if TYPE_CHECKING:
     from scenefold.client.modes import ModeShown
@@ -28,6 +29,7 @@ def mode(
     /,
     *,
     force: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Tell which mode a scene is in, or switch it: in edit mode it can be changed; in render mode only the output of a render is written, and spaces stay as they are.
@@ -60,9 +62,11 @@ def mode(
                 lambda position: note(f"decided: {to.value} mode, position {position} of the log"),
                 lambda since: note(so_already_text(to.value, since)),
                 force=force,
+                again=request,
             )
 
-    found = run(ask)
+    with one_change("scene mode", request, is_none=to is None):
+        found = run(ask)
     emit(output, {"scene": scene, **found.document()}, mode_text(found))
     return DONE if found.is_active else UNREACHABLE
 

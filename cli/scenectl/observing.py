@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from scenectl.deciding import emit_deciders
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput
+from scenectl.repeating import RequestOption, one_change
 from scenectl.values import AddressOption
 from scenefold.base.ids import node_id_of
 
@@ -14,7 +15,9 @@ if TYPE_CHECKING:
     from scenefold.client import Deciders
 
 
-def add_observer(scene: SceneName, address: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def add_observer(
+    scene: SceneName, address: AddressOption, /, *, request: RequestOption = None, output: ProfileOutput = DEFAULT_PROFILE
+) -> None:
     """Let a trusted node render the scene under a lease of its own: its renders are not cut by a change of the mode. Only owners of the scene can.
 
     It is asked at each change of the mode, and never counted in a majority. A scene that is decided where scenes begin has no leases, so no observers.
@@ -33,12 +36,16 @@ def add_observer(scene: SceneName, address: AddressOption, /, *, output: Profile
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
             (entry,) = await cluster.membership.participants([node_id_of(address.text)])
-            return await (await cluster.scenes.open(scene)).add_observer(entry)
+            return await (await cluster.scenes.open(scene)).add_observer(entry, again=request)
 
-    emit_deciders(output, scene, run(do))
+    with one_change("scene add-observer", request):
+        found = run(do)
+    emit_deciders(output, scene, found)
 
 
-def remove_observer(scene: SceneName, address: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def remove_observer(
+    scene: SceneName, address: AddressOption, /, *, request: RequestOption = None, output: ProfileOutput = DEFAULT_PROFILE
+) -> None:
     """Let a node observe the scene no more, such as one that is gone for good: each change of the mode would wait for it. Only owners can.
 
     Example: scenectl scene remove-observer kitchen 192.168.1.20 --profile studio
@@ -54,6 +61,8 @@ def remove_observer(scene: SceneName, address: AddressOption, /, *, output: Prof
 
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).remove_observer(node_id_of(address.text))
+            return await (await cluster.scenes.open(scene)).remove_observer(node_id_of(address.text), again=request)
 
-    emit_deciders(output, scene, run(do))
+    with one_change("scene remove-observer", request):
+        found = run(do)
+    emit_deciders(output, scene, found)

@@ -9,6 +9,7 @@ from cyclopts.validators import Number
 
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
+from scenectl.repeating import RequestOption, one_change
 from scenectl.values import ColourOption, SizeOption, whole
 from scenefold.base.image_limits import (
     ADAPTIVE_MAX,
@@ -48,6 +49,7 @@ def settings(
     min_samples: Annotated[int | None, whole(MIN_SAMPLES_LEAST, SAMPLES_MAX)] = None,
     environment_rotation: Annotated[float | None, Parameter(validator=Number(gte=-ROTATION_MAX, lte=ROTATION_MAX))] = None,
     clear: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Tell what an image of a scene is by default, or change it: what is given here counts for everybody who renders it, unless he says otherwise.
@@ -127,9 +129,10 @@ def settings(
     async def ask() -> SettingsShown:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
-            return await (opened.change_render_settings(changed) if given or clear else opened.render_settings())
+            return await (opened.change_render_settings(changed, again=request) if given or clear else opened.render_settings())
 
-    found = run(ask)
+    with one_change("scene settings", request, is_none=not (given or clear)):
+        found = run(ask)
     emit(output, {"scene": scene, **found.document()}, settings_text(found))
 
 

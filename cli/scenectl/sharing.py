@@ -12,6 +12,7 @@ from scenectl.member_values import GranteeOption, shown_member
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
 from scenectl.rates import bytes_per_s
+from scenectl.repeating import RequestOption, one_change
 from scenefold.base.errors import ScenefoldError, UsageFault
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def grant(
     *,
     role: Annotated[str, Parameter(name=("--role", "-r"))] = "reader",
     card: Path | None = None,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Let somebody use a scene: a user, or a node that shall read it for itself. Only owners of the scene can.
@@ -56,9 +58,10 @@ def grant(
     async def do() -> Access:
         async with connected(output.profile) as cluster:
             member = await card_for(cluster, who.text, card)
-            return await (await cluster.scenes.open(scene)).grant(member, wanted)
+            return await (await cluster.scenes.open(scene)).grant(member, wanted, again=request)
 
-    access = run(do)
+    with one_change("scene grant", request):
+        access = run(do)
     emit(output, {"scene": scene, **access.document()}, f"{shown_member(who.text)} may use {scene} as {role}.\n{_members(access)}")
 
 
@@ -116,6 +119,7 @@ def revoke(
     later: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     rate: float | None = None,
     dry_run: DryRun = False,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """End somebody's access to a scene, and seal everything in it anew while others read and write. Only owners of the scene can; the last owner stays.
@@ -148,7 +152,7 @@ def revoke(
     async def do(progress: Progress) -> Reencryption | None:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
-            revoked.append(await opened.revoke(name, dry_run=dry_run))
+            revoked.append(await opened.revoke(name, dry_run=dry_run, again=request))
             if later:
                 return None
             if dry_run:
@@ -157,7 +161,7 @@ def revoke(
             return await opened.reencrypt(progress, speed)
 
     try:
-        with Progress(quiet=output.json) as progress:
+        with one_change("scene revoke", request, is_none=dry_run), Progress(quiet=output.json) as progress:
             report = run(do, progress)
     except BaseException as error:
         if revoked and not dry_run:
@@ -179,6 +183,7 @@ def rotate_key(
     resume: Annotated[bool, Parameter(show_default=False)] = False,
     rate: float | None = None,
     dry_run: DryRun = False,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> int:
     """Change a scene's key, and seal everything in it anew while others read and write.
@@ -209,12 +214,12 @@ def rotate_key(
             if dry_run:
                 return await opened.look_what_is_to_seal(progress, speed, new_key=not resume)
             if not resume:
-                await opened.rotate_key()
+                await opened.rotate_key(again=request)
                 has_key[0] = True
             return await opened.reencrypt(progress, speed)
 
     try:
-        with Progress(quiet=output.json) as progress:
+        with one_change("scene rotate-key", request, is_none=resume or dry_run), Progress(quiet=output.json) as progress:
             report = run(do, progress)
     except BaseException as error:
         if has_key[0] and not (resume or dry_run):

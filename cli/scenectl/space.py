@@ -12,6 +12,7 @@ from scenectl.names import NewSpaceName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table
 from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
 from scenectl.rebasing import rebase
+from scenectl.repeating import RequestOption, one_change
 from scenectl.splitting import tidy
 from scenectl.values import PlaceOption, SpaceOption, name_or_number, whole
 
@@ -42,6 +43,7 @@ def create(
     min_copies: MinCopiesOption | None = None,
     render_output: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     number: Annotated[int | None, whole(1, 8191)] = None,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Make a space; it is there for ever, and nodes know of it from the next record on.
@@ -93,10 +95,11 @@ def create(
     corners = None if box is None else (box.low, box.high)
 
     async def make(opened: Scene, cluster: Cluster) -> tuple[LoggedSpace, list[Shortage]]:
-        made = await (await opened.create_space(name, corners, **options)).info()
+        made = await (await opened.create_space(name, corners, again=request, **options)).info()
         return made, await cluster.shortages(made.copies, made.copies_min)
 
-    made, short = run(_in_cluster, output.profile, scene, make)
+    with one_change("space create", request):
+        made, short = run(_in_cluster, output.profile, scene, make)
     document = {"scene": scene, **made.document(), "shortages": [one.document() for one in short]}
     emit(output, document, f"Space {made.name} is made; its number is {made.id}.")
     warn_of(made.name, short)
@@ -143,6 +146,7 @@ def translate(
     *,
     by: PositionOption,
     scene: SceneOption,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Move a whole space in the world. No record is moved: its addresses mean other positions from now on.
@@ -165,9 +169,11 @@ def translate(
         known = await moved.info()
         if not known.node_managed and not known.parent:  # else it cannot be moved at all, which the log says
             check_dimensions(len(by.coordinates), known.dimensions, "an offset", f"space {space}")
-        return await moved.translate(by.coordinates)
+        return await moved.translate(by.coordinates, again=request)
 
-    _emit_moved(output, scene, run(_in_scene, output.profile, scene, move))
+    with one_change("space translate", request):
+        found = run(_in_scene, output.profile, scene, move)
+    _emit_moved(output, scene, found)
 
 
 @app.command
@@ -177,6 +183,7 @@ def scale(
     *,
     by: FactorOption,
     scene: SceneOption,
+    request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Scale a whole space about the world's origin, along all axes alike. No record is moved.
@@ -195,9 +202,11 @@ def scale(
     from scenectl.running import run
 
     async def grow(opened: Scene) -> LoggedSpace:
-        return await (await opened.space_named(name_or_number(space.text))).scale(by)
+        return await (await opened.space_named(name_or_number(space.text))).scale(by, again=request)
 
-    _emit_moved(output, scene, run(_in_scene, output.profile, scene, grow))
+    with one_change("space scale", request):
+        found = run(_in_scene, output.profile, scene, grow)
+    _emit_moved(output, scene, found)
 
 
 @app.command

@@ -64,6 +64,23 @@ def test_a_space_is_made_moved_scaled_and_asked(profile: str) -> None:
     assert scenectl("data", "get", str(number), "8", "--scene", "kitchen", profile=profile).out == b"8"
 
 
+def test_a_change_that_is_repeated_under_its_request_is_made_once(profile: str) -> None:
+    made(profile, "ledge", "--box", "0:16")
+    move = ("translate", "ledge", "--by", "2")
+    assert space(profile, *move).json["offset"] == [2]
+    told = scenectl("scene", "log", "kitchen", "--last", "1", "--json", profile=profile).json["entries"][0]
+    request = f"{told['request']}@{told['position']}"
+    assert space(profile, *move, "--request", request).json["offset"] == [2], "as if it had been made now"
+    assert f"another change, which is in the log at position {told['position']}" in space(
+        profile, "translate", "ledge", "--by", "3", "--request", request
+    ).refusal(1)
+    never = f"{'0f' * 16}@{told['position']}"
+    assert [space(profile, *move, "--request", never).json["offset"] for _ in range(2)] == [[4], [4]]
+    assert scenectl("scene", "log", "kitchen", "--json", profile=profile).json["position"] == told["position"] + 1
+    for wrong in ("0f@3", "0f" * 16):
+        assert "--request" in space(profile, *move, "--request", wrong).refusal(2)
+
+
 def test_all_nodes_take_records_of_a_new_space_at_once(profile: str) -> None:
     number = made(profile, "wide", "--dimensions", "4")
     put(profile, number, "1", "5", "9", "d")

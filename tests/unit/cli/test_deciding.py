@@ -10,11 +10,11 @@ from scenectl import running
 from scenectl.deciding import Participants, deciders_text, even_warning
 from scenectl.errors import ending_of
 from scenectl.program import main
-from scenectl.standing import Request, standing_text
+from scenectl.standing import standing_text
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId, node_id_of
 from scenefold.base.reasons import RejectReason
-from scenefold.client import Deciders, Standing
+from scenefold.client import Deciders, Request, Standing
 from scenefold.wire import Member
 
 A, B, C = (node_id_of(f"127.0.0.{number}") for number in (2, 3, 4))
