@@ -1,4 +1,4 @@
-"""If this fails, nodes that decide a scene act in a mode too early, never, or without a lease (design scenarios 28 and 40, on whole nodes)."""
+"""If this fails, nodes that decide a scene act in a mode too early, never, or without a lease (design scenarios 27, 28 and 40, on whole nodes)."""
 
 from __future__ import annotations
 
@@ -167,6 +167,28 @@ def test_a_client_borrows_of_a_participant_and_gives_back() -> None:
         looked = await borrow(them, 2, LeaseUse.LOOK, 0)
         assert isinstance(looked, LentLease) and (looked.position, looked.mode, looked.is_active) == (2, SceneMode.RENDER, True)
         assert isinstance(await borrow(them, lender, LeaseUse.RENDER, 6, **me), LentLease)
+
+    assembled(3, main)
+
+
+def test_27_who_has_writes_under_way_is_named_and_the_log_stays_as_it_is() -> None:
+    """What a client borrowed to write it has not given back in the time that is given to it."""
+
+    async def main(them: Assembly) -> None:
+        await them.create(0, 1, 2)
+        await trio.sleep(T_WAIT_S)
+        lender, me = 2, {"lender": them.of(2).me}
+        assert isinstance(await borrow(them, lender, LeaseUse.EDIT, 1, **me), LentLease)
+        before = them.of(0).scenes.here(them.scene)
+        for asked in (0, 1):
+            refused = await them.change(asked, SetMode(SceneMode.RENDER))
+            assert isinstance(refused, RejectSceneProposal)
+            assert (refused.reason, refused.node) == (RejectReason.BUSY, them.of(lender).me), (
+                "of a majority that could decide it all the same"
+            )
+        assert [them.position(slot) for slot in range(3)] == [1] * 3 and them.of(0).scenes.here(them.scene) == before
+        assert isinstance(await borrow(them, lender, LeaseUse.GIVE_BACK, 2, **me), LentLease)
+        assert await them.commits(0, SetMode(SceneMode.RENDER)) == 2
 
     assembled(3, main)
 
