@@ -211,8 +211,8 @@ def bench_text(report: dict[str, Any]) -> str:
     told = [table(heads, rows)] if rows else []
     told += [_killed_text(row["participants"], row["killed"]) for row in report["participants"] if "killed" in row]
     told += [
-        f"{row['participants']} participants, simulated, {row['link_ms']:g} ms a link: median {row['p50_ms']:,.0f} ms, "
-        f"99 % {row['p99_ms']:,.0f} ms, {row['packets_per_commit']:,.0f} packets a commit"
+        f"{row['participants']} participants, simulated, {row['link_ms']:g} ms a link: {row['commits_per_s']:,.0f} commits/s, "
+        f"median {row['p50_ms']:,.0f} ms, 99 % {row['p99_ms']:,.0f} ms, {row['packets_per_commit']:,.0f} packets a commit"
         for row in report["simulated"]
     ]
     return "\n".join(told)

@@ -15,6 +15,7 @@ def test_a_decision_is_one_way_out_and_home(participants: int) -> None:
     # The first of the participants is asked, and answers. What follows its own last change an owner need not look for.
     assert found["p50_ms"] == pytest.approx(4)
     assert found["p50_ms"] <= found["p99_ms"] <= 3 * found["p50_ms"]
+    assert found["commits_per_s"] == pytest.approx(250, rel=0.5)
 
 
 def test_those_who_ask_at_once_stand_in_line() -> None:

@@ -53,12 +53,12 @@ def test_where_nothing_was_committed_there_are_no_figures() -> None:
 def test_people_are_told_all_of_it() -> None:
     turn = Turn([0.01, 0.02, 0.03], seconds=1.0, cpu_s=0.3, packets=60).document()
     killed = {"next_commit_s": [0.5, 6.25], "goal_s": 5.0, "is_reached": False}
-    simulated = {"participants": 33, "link_ms": 1.0, "p50_ms": 134.0, "p99_ms": 140.0, "packets_per_commit": 160.0, "violations": []}
+    simulated = {"participants": 33, "link_ms": 1.0, "commits_per_s": 7.4, "p50_ms": 134.0, "p99_ms": 140.0, "packets_per_commit": 160.0}
     lines = bench_text(_report(turn, killed=killed, simulated=[simulated])).splitlines()
     assert [line.split()[:2] for line in lines[1:4]] == [["5", "one"], ["5", "16"], ["5", "16"]]
     assert "0 and 0 of 3" in lines[1]
     assert "0.50, 6.25 s (goal: 5 s, missed)" in lines[-2]
-    assert lines[-1].startswith("33 participants, simulated, 1 ms a link: median 134 ms, 99 % 140 ms, 160 packets")
+    assert lines[-1].startswith("33 participants, simulated, 1 ms a link: 7 commits/s, median 134 ms, 99 % 140 ms, 160 packets")
 
 
 def _report(turn: dict[str, Any], *, simulated: list[dict[str, Any]] | None = None, **more: Any) -> dict[str, Any]:
