@@ -60,7 +60,7 @@ async def set_mode(
 
     `so_already`: told in its place, by whoever knows the newest, that nothing was to be changed: since which position, None if that is not known.
     Refused (13) while a participant has lent what may still be used, which it has asked for to be given back, or an observer renders; (3) if one
-    that seems alive does not say whether it suits it; (2) if somebody else has switched it again meanwhile. `force`: nobody is asked. Then renders
+    that seems alive does not say whether it suits it; (2) if it was switched again meanwhile. `force`: nobody is asked. Then renders
     come to an end, and what was lent runs out before. `again`: see `LogAccess.propose`.
     """
     header, is_ours = await _header(access), False
@@ -106,7 +106,7 @@ def _switching(name: str, mode: SceneMode, log: SceneLog) -> LogEntry:
 
 def _switched_again(access: SceneAccess, mode: SceneMode, shown: ModeShown) -> Refused:
     wanted, there = mode.name.lower(), shown.mode.name.lower()
-    what = f"somebody else has switched the scene to {there} mode since: so it is at position {shown.position} of its log"
+    what = f"the scene was switched to {there} mode since: so it is at position {shown.position} of its log"
     remedy = (
         f"`scenectl scene log {access.name} --last 3` shows by which node, and at which position; "
         f"agree with the other owners, and switch it to {wanted} mode once more"

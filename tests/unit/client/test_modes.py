@@ -101,7 +101,7 @@ async def test_who_is_overtaken_by_another_owner_is_told_so(autojump_clock: Mock
     ended: list[Refused] = []
 
     async def render() -> None:
-        with pytest.raises(Refused, match="somebody else has switched the scene to edit mode since") as refused:
+        with pytest.raises(Refused, match="the scene was switched to edit mode since") as refused:
             await set_mode(scene.access, SceneMode.RENDER)
         ended.append(refused.value)
 
@@ -146,7 +146,7 @@ async def test_what_is_called_decided_is_the_entry_that_switched_and_no_later_on
 
     monkeypatch.setattr(scene.access, "change_log", overtaken)
     decided: list[int] = []
-    with pytest.raises(Refused, match="somebody else has switched the scene to edit mode since"):
+    with pytest.raises(Refused, match="the scene was switched to edit mode since"):
         await set_mode(scene.access, SceneMode.RENDER, decided.append)
     assert decided == [ours]
 

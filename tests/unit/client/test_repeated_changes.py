@@ -249,6 +249,18 @@ async def test_each_change_can_be_repeated(autojump_clock: MockClock, tmp_path: 
         assert decided == [position]
 
 
+async def test_a_switch_that_was_switched_back_is_not_made_once_more(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = Lenders()
+    scene, _ = await hall_of(council, tmp_path)
+    request, packet = await lost(council, scene, CHANGES["mode"])
+    council.propose(B, packet)
+    await set_mode(scene.access, SceneMode.EDIT)
+    position, decided = council.newest(scene.id).position, list[int]()
+    with pytest.raises(Refused, match=f"the scene was switched to edit mode since: so it is at position {position} "):
+        await set_mode((await elsewhere(council, tmp_path)).access, SceneMode.RENDER, decided.append, again=request)
+    assert (decided, council.newest(scene.id).position) == ([request.offered_at], position)
+
+
 @pytest.mark.parametrize("joins", [True, False])
 @pytest.mark.parametrize("observes", [True, False])
 async def test_who_takes_part_is_changed_once(autojump_clock: MockClock, tmp_path: Path, joins: bool, observes: bool) -> None:
