@@ -157,7 +157,7 @@ def fetch(
     check_files(None, files.exr, files.png)
 
     async def get(progress: Progress) -> dict[str, Any]:
-        from scenefold.render.unattended import end_render, fetch_render, find_render
+        from scenefold.render.unattended import fetch_render, find_render
 
         async with connected(output.profile) as cluster:
             known = await find_render(cluster, render)
@@ -165,10 +165,10 @@ def fetch(
                 await _wait(cluster, known, progress)
             result = await fetch_render(cluster, known, render_progress(progress))
             scene = known.scene or ""
+            nodes = len(await cluster.nodes())
             written = await cluster.in_worker("import", write_image, scene, files, result.options, result.layers, result.exposure)
             if not keep:
-                await end_render(cluster, known)
-            nodes = len(await cluster.nodes())
+                await _let_go(cluster, known)
         return {
             "render": known.name,
             "scene": known.scene,
@@ -214,6 +214,17 @@ async def _wait(cluster: Cluster, known: KnownRender, progress: Progress, seen: 
     lost = partial(_tell, "is lost: the others take its part of the scene over, and trace again what only it had")
     back = partial(_tell, "is back, and takes part again")
     await watch_render(cluster, known, render_progress(progress), lost=lost, back=back, seen=seen)
+
+
+async def _let_go(cluster: Cluster, known: KnownRender) -> None:
+    """Once it is written. That this fails is no fault of the image, which may be gone already."""
+    from scenefold.base.errors import ScenefoldError
+    from scenefold.render.unattended import end_render
+
+    try:
+        await end_render(cluster, known)
+    except ScenefoldError as error:
+        note(f"note: the image is written, and its node could not be told to forget it: {error}")
 
 
 def _tell(what: str, address: str) -> None:

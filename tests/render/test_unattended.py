@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Any
 
 import pytest
@@ -9,12 +10,14 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool import organiser, service
 from scenefold.render.pool.request import options_of
 from scenefold.render.pool.service import JOBS_OF_A_USER_MAX
 from scenefold.render.pool.unattended import ALL_JOBS, Unattended
 from scenefold.render.rehearsal.pool import USER, MemoryPool, Records, memory_pool, sha256_of
+from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, JobAnswer, JobState, JobStateReply, unpack_value
 from scenefold.world.real.world import offline_world
 
@@ -103,3 +106,48 @@ async def test_what_it_failed_of_is_kept(room: Records) -> None:
         await pool.until(5, owner, "failed")
         (row,) = await jobs(pool, owner)
         assert row["phase"] == "failed" and "nobody" in row["failure"]
+
+
+async def test_a_client_that_waits_hears_that_its_user_ended_it(room: Records) -> None:
+    """Else it would begin it anew."""
+    async with memory_pool(offline_world(), room, 1) as pool:
+        owner = await pool.start(3, LONG)
+        await pool.ask(owner, CancelJob(job=3))
+        with pytest.raises(Refused, match="its user has ended that render") as caught:
+            await pool.until(3, owner, "done")
+        assert caught.value.reason is RejectReason.OUTSIDE_BOUNDS
+        with pytest.raises(Refused, match="no such job") as other:
+            await pool.deliver("user:another", owner, JobState(job=3))
+        assert other.value.reason is RejectReason.NOT_READY
+
+
+@pytest.mark.parametrize("fails", [False, True])
+async def test_nothing_of_the_scene_is_kept_for_a_day(room: Records, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
+    def image(*_: object) -> bytes:
+        raise Refused(RejectReason.DAMAGED, "no image")
+
+    if fails:
+        monkeypatch.setattr(organiser, "_image", image)
+    gc.collect()
+    before = tables_alive()
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(6, TINY, unattended=KITCHEN)
+        await pool.until(6, owner, "failed" if fails else "done")
+        with trio.fail_after(30):
+            while gc.collect() >= 0 and tables_alive() > before:
+                await pool.world.clock.sleep(0.1)
+
+
+def tables_alive() -> int:
+    return sum(isinstance(one, SceneTables) for one in gc.get_objects())
+
+
+async def test_images_that_nobody_fetches_take_a_part_of_the_memory(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with memory_pool(offline_world(), room, 1) as pool:
+        monkeypatch.setattr(service, "PINNED_SHARE", pool.hosts[pool.nodes[0]].memory_bytes // (16 * 12 * 40 * 2))
+        for number in (1, 2):
+            await pool.until(number, await pool.start(number, TINY, unattended=KITCHEN), "done")
+        with pytest.raises(Refused, match="images that nobody has fetched") as caught:
+            await pool.start(3, TINY, unattended=KITCHEN)
+        assert caught.value.reason is RejectReason.BUSY
+        await pool.until(4, await pool.start(4, TINY), "done")

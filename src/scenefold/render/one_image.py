@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
@@ -134,33 +134,40 @@ class OneImage:
 
         Unreachable or Refused (16) if it may be begun anew; Refused (13) if none has a place.
         """
-        # As for an image that is waited for, as long as nodes read at first.
-        async with self._cluster.calls.leases.rendering(self._scene.access):
-            return await self._begin(choice, unattended)
+        heard = list[Watch]()
+        try:
+            # As for an image that is waited for, as long as nodes read at first.
+            async with self._cluster.calls.leases.rendering(self._scene.access):
+                return await self._begin(choice, unattended, heard)
+        except BaseException:
+            # Also if we are interrupted: nobody would know of it, and it would go on.
+            for watch in heard:
+                await watch.let_go()
+            raise
 
-    async def _begin(self, choice: Choice, unattended: Unattended) -> Choice:
+    async def _begin(self, choice: Choice, unattended: Unattended, heard: list[Watch]) -> Choice:
+        """`heard`: gets the one that may have heard of it."""
         busy = set[NodeId]()
         while True:
             self.asked |= {*choice.renderers.nodes}
             watch = Watch(self._cluster, address_of(choice.organiser), choice.job)
+            request = await self._request(choice, unattended=unattended)
+            heard[:] = [watch]
             try:
-                await watch.start(await self._request(choice, unattended=unattended))
-            except Unreachable:
-                # It may have heard of it.
-                await watch.let_go()
-                raise
+                await watch.start(request)
             except Refused as refused:
+                heard.clear()
                 busy.add(choice.organiser)
                 if refused.reason is not RejectReason.BUSY or busy >= {*choice.renderers.nodes}:
                     raise
                 while choice.organiser in busy:
                     choice = self._choice(choice.renderers, choice.identity, choice.silent)
                 continue
-            try:
-                await watch.until_traced()
-            except BaseException:
-                await watch.let_go()
-                raise
+            stand = await watch.until_traced()
+            if stand.document.get("unattended") is None:
+                what = "the node that organises the render is of a version that gives up what nobody waits for"
+                remedy = "run the same version on all nodes, or wait for it: scenectl render still"
+                raise LocalFault(what, where=address_of(choice.organiser), remedy=remedy)
             return choice
 
     async def _request(self, choice: Choice, keep: Keep | None = None, unattended: Unattended | None = None) -> RenderRequest:

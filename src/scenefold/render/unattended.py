@@ -6,21 +6,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from scenefold.base.errors import LocalFault, Refused, Unreachable, UsageFault
+from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable, UsageFault
 from scenefold.base.plain_values import number, text, whole
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster
 from scenefold.client.together import together
+from scenefold.render.algorithms import USUAL_ALGORITHM
 from scenefold.render.anew import ANSWER_S_MAX
 from scenefold.render.client import StillResult, name_of
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import unpacked
 from scenefold.render.one_image import Told, nobody
 from scenefold.render.pool.request import options_of
+from scenefold.render.pool.telling import error_of
 from scenefold.render.pool.unattended import ALL_JOBS, Unattended
 from scenefold.render.reports import PHASES, NodeStand, Stand, believed, image_size, nodes_of, report_of
 from scenefold.render.watch import Progress, Watch
@@ -80,7 +82,7 @@ class KnownRender:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """`silent`: addresses of nodes that do not answer, of whose renders nothing is known."""
+    """`silent`: addresses of nodes that do not answer, or not what makes sense, of whose renders nothing is known."""
 
     renders: tuple[KnownRender, ...]
     silent: tuple[str, ...]
@@ -93,14 +95,14 @@ async def list_renders(cluster: Cluster) -> Listing:
     async def ask(address: str) -> None:
         try:
             reply = await cluster.calls.ask(address, JobState(job=ALL_JOBS), JobStateReply, timeout_s=ANSWER_S_MAX)
-        except Unreachable:
+            found.extend(_renders_of(reply.document, address))
+        except (Unreachable, PeerFault):
+            # Also if it makes no sense: one node keeps nobody from what the others have.
             silent.append(address)
         except Refused as refused:
             # A node of a version that knows no such question.
             if refused.reason is not RejectReason.NOT_READY:
                 raise
-        else:
-            found.extend(_renders_of(reply.document, address))
 
     nodes = [node.address for node in await cluster.nodes()]
     await together(partial(ask, address) for address in nodes)
@@ -181,9 +183,11 @@ def _render_of(row: Any, organiser: str) -> KnownRender:
     phase, passes = text(row["phase"]), whole(row["passes"], 0, _COUNT_MAX)
     if phase not in PHASES:
         raise ValueError("a phase is expected")
-    options = options_of(row["options"])
+    words, reason = text(row["failure"]), whole(row["failure_reason"], 0, 255)
     try:
-        options.check()
+        options = options_of(row["options"])
+        # By which rule cells move is the nodes' affair: it may be of a package that this client has not.
+        replace(options, algorithm=USUAL_ALGORITHM).check()
     except UsageFault as fault:
         raise ValueError(str(fault)) from fault
     return KnownRender(
@@ -193,7 +197,7 @@ def _render_of(row: Any, organiser: str) -> KnownRender:
         closed=whole(row["closed"], 0, passes),
         passes=passes,
         age_s=number(row["age"]),
-        failure=text(row["failure"]),
+        failure=str(error_of(reason, words)) if words else "",
         options=options,
         unattended=Unattended.of_row(row["unattended"]),
     )

@@ -86,10 +86,11 @@ class Watch:
             raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")
         return stand
 
-    async def until_traced(self) -> None:
-        """Wait until nobody prepares any more. See `stand`."""
-        while (await self.stand()).phase == "preparing":
+    async def until_traced(self) -> Stand:
+        """Wait until nobody prepares any more; how it stands then. See `stand`."""
+        while (stand := await self.stand()).phase == "preparing":
             await self._cluster.calls.world.clock.sleep(POLL_S)
+        return stand
 
     async def until_done(
         self,

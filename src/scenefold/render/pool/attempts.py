@@ -33,7 +33,8 @@ class Attempts:
         self, job: Job, company: Company, part: Callable[[], Part], clock: Clock, before: int, fresh: Callable[[int], Awaitable[Partition]]
     ) -> None:
         """`part`: this node's own. `before`: passes below this number are in its film. `fresh`: cells for so many nodes, by where geometry lies."""
-        self._job, self._company, self._part, self._clock, self._fresh = job, company, part, clock, fresh
+        self._job, self._company, self._part, self._clock = job, company, part, clock
+        self._fresh: Callable[[int], Awaitable[Partition]] | None = fresh
         self._gatherings = 0
         self._cells_of = job.nodes
         self.partition: Partition = job.partition
@@ -141,6 +142,7 @@ class Attempts:
         epoch = self.newest_epoch + 1
         if set(roster.nodes) <= set(self._cells_of):
             return without(self.partition, [cell for cell, node in enumerate(self._cells_of) if node not in roster.nodes], epoch)
+        assert self._fresh is not None
         return replace(await self._fresh(len(roster.nodes)), epoch=epoch)
 
     def _say(self, change: NodesLost | NodesBack) -> None:
@@ -149,6 +151,10 @@ class Attempts:
             _log.warning("job %016x: lost %s (%s); %d of %d nodes go on", self._job.id, words, change.error, count, len(self._job.nodes))
         else:
             _log.warning("job %016x: %s are back; %d of %d nodes go on", self._job.id, words, count, len(self._job.nodes))
+
+    def drop_scene(self) -> None:
+        """There is no attempt any more, and none needs new cells."""
+        self._fresh = None
 
     @property
     def missing(self) -> tuple[NodeId, ...]:

@@ -26,7 +26,7 @@ from scenefold.render.contract import Renderer
 from scenefold.render.developing import Box, develop
 from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.job import Job
-from scenefold.render.layers import packed
+from scenefold.render.layers import image_bytes, packed
 from scenefold.render.numbers import depth_of_box, job_box
 from scenefold.render.pool.attempts import Attempts, or_changed
 from scenefold.render.pool.comebacks import Comebacks
@@ -110,6 +110,8 @@ class Organiser:
         self._coming = ComingFilm(size)
         self._kept: tuple[int, bytes] = (0, b"")
         self._begun_passes = 0
+        self._is_free = False
+        """All nodes have let go of the job."""
         self._traced: int | None = None
         self._requested_at = self._asked_at = self.now()
         self._scope = trio.CancelScope()
@@ -129,12 +131,25 @@ class Organiser:
             finally:
                 self._keys = self._request = None
             await self._free()
+            self._drop()
             if self._failure is not None:
                 # The place is free, and only the words are kept.
                 self._job = self._company = self._attempts = None
             await self._host.world.clock.sleep(KEEP_S if self._unattended is None else IMAGE_KEPT_S)
         with trio.CancelScope(shield=True), trio.move_on_after(ASK_S_MAX):
             await self._free()
+
+    def _drop(self) -> None:
+        """What an image, or words, that are kept for a day do not need: the scene's tables, films, and which pixels went on."""
+        self._is_free, self._comebacks, self._goes_on = True, None, EVERY_ROW
+        self._kept, self._coming = (0, b""), ComingFilm(0)
+        if self._attempts is not None:
+            self._attempts.drop_scene()
+
+    @property
+    def pins_bytes(self) -> int:
+        """Of memory, for as long as its user likes."""
+        return 0 if self._unattended is None or self.has_failed else image_bytes(self._options.layers, self._options.window.pixels)
 
     @property
     def has_failed(self) -> bool:
@@ -411,7 +426,7 @@ class Organiser:
 
     async def _free(self) -> None:
         """Let all nodes go; one that does not answer will notice by itself that the job is over."""
-        if self._job is None:
+        if self._job is None or self._is_free:
             return
         job, lost = self._job, () if self._attempts is None else self._attempts.lost
 

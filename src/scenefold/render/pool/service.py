@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVarTuple
 
@@ -14,6 +15,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import node_named
 from scenefold.render.contract import Renderer, load_renderer
 from scenefold.render.job import Job
+from scenefold.render.layers import image_bytes
 from scenefold.render.pool.hold import LOOK_S
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.mover import USUAL_PACE, Pace
@@ -51,6 +53,10 @@ JOBS_MAX = 8
 JOBS_OF_A_NODE_MAX = 6
 """Of one that organises them; and so no node organises more, since they would fail at the others."""
 JOBS_OF_A_USER_MAX = 4
+PINNED_SHARE = 4
+"""Images of unattended renders take so many-th of a node's memory together."""
+ENDED_MAX = 64
+"""Of jobs that users ended so many are known: a client that waits for one hears of it, and does not begin it anew."""
 IMAGE_PART_BYTES = 4 * 1024 * 1024
 OK = 0
 
@@ -68,6 +74,7 @@ class RenderService:
         self._renderer: Renderer | None = None
         self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX)
         self._organisers: Places[Organiser] = Places("organises", JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX)
+        self._ended: deque[tuple[int, str]] = deque(maxlen=ENDED_MAX)
         self._quiet = QuietLog(_log)
         self._nursery: trio.Nursery | None = None
 
@@ -132,12 +139,21 @@ class RenderService:
             return
         self._organisers.check(peer)
         request = RenderRequest.from_map(packet.job, document)
+        if request.unattended is not None:
+            self._check_pinned(image_bytes(request.options.layers, request.options.window.pixels))
         keys = self._host.opened(request.keys, request.genesis, request.job)
         renderer = self._load()
         organiser = self._organisers.take(
             packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part, self._quiet, self._pace)
         )
         self._start(self._keep_organiser, packet.job, organiser)
+
+    def _check_pinned(self, more: int) -> None:
+        """Refused (13) if images that nobody fetches would take more memory than they may. The first one always may: a part checks it."""
+        held = sum(organiser.pins_bytes for _, organiser in self._organisers.jobs())
+        if held and held + more > self._host.memory_bytes // PINNED_SHARE:
+            what = f"this node keeps {held >> 20} MiB of images that nobody has fetched, and may keep {self._host.memory_bytes // PINNED_SHARE >> 20}"
+            raise Refused(RejectReason.BUSY, what, remedy="fetch or cancel some: scenectl render list")
 
     async def _keep_organiser(self, job: int, organiser: Organiser) -> None:
         try:
@@ -174,6 +190,7 @@ class RenderService:
     async def _on_cancel(self, packet: CancelJob, peer: str) -> JobAnswer:
         if peer.startswith("user:"):
             self._organiser(packet.job, peer).cancel()
+            self._ended.append((packet.job, peer))
         else:
             part = self._parts.get(packet.job)
             if part is not None:
@@ -281,6 +298,8 @@ class RenderService:
     def _organiser(self, job: int, peer: str) -> Organiser:
         """What organises the job of this user: nobody else is told anything of it."""
         organiser = self._organisers.get(job)
+        if organiser is None and (job, peer) in self._ended:
+            raise Refused(RejectReason.OUTSIDE_BOUNDS, "its user has ended that render", remedy="start it again, if it is wanted after all")
         if organiser is None or self._organisers.asker(job) != peer:
             raise Refused(RejectReason.NOT_READY, "this node organises no such job", remedy="start the render again")
         organiser.asked()
