@@ -110,6 +110,7 @@ def check_files(file: Path | None, *outputs: Path) -> None:
 async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any]:
     """Do the whole job and return its report (docs/reference/scenectl.md, *Report of an image*)."""
     from scenefold.client import prepare_import
+    from scenefold.render.one_image import nobody
     from scenefold.world import offline_world
 
     phases = Phases()
@@ -142,7 +143,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
                 tell=partial(_tell_left_out, job),
                 lost=partial(_tell_lost, embedded),
                 back=_tell_back,
-                organised_by=None if strike is None else strike.spare,
+                organised_by=nobody if strike is None else strike.spare,
                 anew=partial(_tell_anew, embedded),
                 resume=job.resume,
             )

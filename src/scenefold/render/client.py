@@ -142,7 +142,7 @@ async def render_still(
     progress: Progress,
     *,
     tell: Callable[[Renderers], None] | None = None,
-    organised_by: Callable[[str], None] | None = None,
+    organised_by: Told = nobody,
     lost: Told = nobody,
     back: Told = nobody,
     anew: Callable[[Begun], None] | None = None,
@@ -156,7 +156,7 @@ async def render_still(
 
     The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. They are
     chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
-    of them before anything else happens, `organised_by` then the address of the one that organises the render; `lost` those of others that die
+    of them before anything else happens, `organised_by` then the address of the one that is asked to organise the render; `lost` those of others that die
     on the way, `back` those of them that take part again, and `anew` why the render is begun anew. LocalFault if there is none.
     """
     options.checked()
@@ -164,8 +164,8 @@ async def render_still(
     progress("prepare", 0, 1)
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
-    wish = OneImage(cluster, scene, wanted, resume, progress, lost, back)
-    (image, report), choice, begun = await _begun_until_it_is(wish, scene, wish.render, progress, tell, organised_by, anew)
+    wish = OneImage(cluster, scene, wanted, resume, progress, lost, back, organised_by)
+    (image, report), choice, begun = await _begun_until_it_is(wish, scene, wish.render, progress, tell, anew)
     exposure = options.exposure if options.exposure is not None else said.exposure
     layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)
     report |= {"begun": begun, "left_out": [one.document() for one in choice.renderers.left_out]}
@@ -211,7 +211,7 @@ async def start_still(
     said = options.heeded((await scene.render_settings()).settings)
     wish = OneImage(cluster, scene, options.checked(said), None, progress)
     unattended = Unattended(scene.name, options.exposure if options.exposure is not None else said.exposure)
-    taken, _, _ = await _begun_until_it_is(wish, scene, lambda choice: wish.begin(choice, unattended), progress, tell, None, anew)
+    taken, _, _ = await _begun_until_it_is(wish, scene, lambda choice: wish.begin(choice, unattended), progress, tell, anew)
     progress("prepare", 1, 1)
     return Started(taken.job, address_of(taken.organiser), taken.renderers)
 
@@ -222,7 +222,6 @@ async def _begun_until_it_is(
     do: Callable[[Choice], Awaitable[T]],
     progress: Progress,
     tell: Callable[[Renderers], None] | None,
-    organised_by: Callable[[str], None] | None,
     anew: Callable[[Begun], None] | None,
 ) -> tuple[T, Choice, int]:
     """Do it with who may render, and with others where these are lost; with the last of them, and how often it was begun."""
@@ -231,8 +230,6 @@ async def _begun_until_it_is(
         tell(choice.renderers)
     choice.renderers.check_any(scene.name)
     while True:
-        if organised_by is not None:
-            organised_by(address_of(choice.organiser))
         try:
             return await do(choice), choice, tries.begun
         except (Unreachable, Refused) as error:

@@ -55,10 +55,11 @@ class OneImage:
         progress: Progress,
         lost: Told = nobody,
         back: Told = nobody,
+        organised_by: Told = nobody,
     ) -> None:
-        """`lost`, `back`: told the addresses of nodes that die on the way, and of those that take part again."""
+        """`lost`, `back`: told the addresses of nodes that die on the way, and of those that take part again; `organised_by` of who is asked to organise it."""
         self._cluster, self._scene, self._wanted, self._resume = cluster, scene, wanted, resume
-        self._progress, self._lost, self._back = progress, lost, back
+        self._progress, self._lost, self._back, self._organised_by = progress, lost, back, organised_by
         self._keeper: Keeper | None = None
         self.asked: set[NodeId] = set()
         """Who was to render it so far."""
@@ -107,30 +108,29 @@ class OneImage:
         return Choice(renderers, organiser, job, identity, silent)
 
     async def render(self, choice: Choice) -> tuple[bytes, dict[str, Any]]:
-        """The image, packed, and its report. Unreachable or Refused (16) if it may be begun anew."""
-        cluster, wanted, (renderers, organiser, job, _, _) = self._cluster, self._wanted, choice
+        """The image, packed, and its report. Unreachable or Refused (16) if it may be begun anew; Refused (13) if none has a place for it."""
+        cluster, wanted = self._cluster, self._wanted
         kept = None if self._resume is None else await cluster.in_worker("import", read_kept, self._resume, wanted)
         self._keeper = keeper = None if self._resume is None else Keeper(cluster, self._resume, wanted, kept)
-        addresses, asked = [address_of(node) for node in renderers.nodes], address_of(organiser)
-        watch = Watch(cluster, asked, job)
-        request = await self._request(choice, keep=None if keeper is None else keeper.keep)
+        addresses, heard = [address_of(node) for node in choice.renderers.nodes], list[Watch]()
         # In render mode nobody switches the scene back before the image is there; who renders in edit mode gets what lies there at the moment.
         async with cluster.calls.leases.rendering(self._scene.access):
-            self.asked |= {*renderers.nodes}
             try:
-                await watch.start(request)
+                taken = await self._taken(choice, heard, keep=None if keeper is None else keeper.keep)
+                (watch,) = heard
                 if kept is not None:
                     await watch.send_film(kept.film)
                     kept = None
                 told = (partial(_tell_of, addresses, hears) for hears in (self._lost, self._back))
                 state = await watch.until_done(self._progress, keeper, *told)
-                report = report_of(state.document, wanted, addresses, asked)
+                report = report_of(state.document, wanted, addresses, address_of(taken.organiser))
                 return await watch.fetch(image_size(wanted), partial(self._progress, "fetch")), report
             finally:
-                await watch.let_go()
+                for watch in heard:
+                    await watch.let_go()
 
     async def begin(self, choice: Choice, unattended: Unattended) -> Choice:
-        """Have it rendered without us, up to where passes are traced; whom of those that may organise it had a place for that.
+        """Have it rendered without us, up to where passes are traced; with whom of those that may organise it had a place for that.
 
         Unreachable or Refused (16) if it may be begun anew; Refused (13) if none has a place.
         """
@@ -138,20 +138,29 @@ class OneImage:
         try:
             # As for an image that is waited for, as long as nodes read at first.
             async with self._cluster.calls.leases.rendering(self._scene.access):
-                return await self._begin(choice, unattended, heard)
+                taken = await self._taken(choice, heard, unattended=unattended)
+                (watch,) = heard
+                stand = await watch.until_traced()
+                if stand.document.get("unattended") is None:
+                    what = "the node that organises the render is of a version that gives up what nobody waits for"
+                    remedy = "run the same version on all nodes, or wait for it: scenectl render still"
+                    raise LocalFault(what, where=address_of(taken.organiser), remedy=remedy)
+                return taken
         except BaseException:
             # Also if we are interrupted: nobody would know of it, and it would go on.
             for watch in heard:
                 await watch.let_go()
             raise
 
-    async def _begin(self, choice: Choice, unattended: Unattended, heard: list[Watch]) -> Choice:
-        """`heard`: gets the one that may have heard of it."""
+    async def _taken(self, choice: Choice, heard: list[Watch], keep: Keep | None = None, unattended: Unattended | None = None) -> Choice:
+        """Ask who shall organise it, or another one if that one has no place. `heard`: gets the one that has heard of it, or may have."""
         busy = set[NodeId]()
+        self.asked |= {*choice.renderers.nodes}
         while True:
-            self.asked |= {*choice.renderers.nodes}
-            watch = Watch(self._cluster, address_of(choice.organiser), choice.job)
-            request = await self._request(choice, unattended=unattended)
+            address = address_of(choice.organiser)
+            self._organised_by(address)
+            watch = Watch(self._cluster, address, choice.job)
+            request = await self._request(choice, keep, unattended)
             heard[:] = [watch]
             try:
                 await watch.start(request)
@@ -162,15 +171,10 @@ class OneImage:
                     raise
                 while choice.organiser in busy:
                     choice = self._choice(choice.renderers, choice.identity, choice.silent)
-                continue
-            stand = await watch.until_traced()
-            if stand.document.get("unattended") is None:
-                what = "the node that organises the render is of a version that gives up what nobody waits for"
-                remedy = "run the same version on all nodes, or wait for it: scenectl render still"
-                raise LocalFault(what, where=address_of(choice.organiser), remedy=remedy)
-            return choice
+            else:
+                return choice
 
-    async def _request(self, choice: Choice, keep: Keep | None = None, unattended: Unattended | None = None) -> RenderRequest:
+    async def _request(self, choice: Choice, keep: Keep | None, unattended: Unattended | None) -> RenderRequest:
         cluster, (renderers, _, job, identity, _) = self._cluster, choice
         about = About(cluster.profile.cluster_id, identity.genesis, job)
         keys = await cluster.in_worker("crypto", seal_keys, identity.keys, renderers.sealing, about, cluster.calls.world.entropy.token)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import fields
@@ -12,7 +13,7 @@ import pytest
 import trio
 
 from scenefold.base.errors import LocalFault, Refused, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
 from scenefold.render.choice import Renderers
@@ -122,10 +123,13 @@ class Beginning:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: Callable[[Packet], Packet | None]) -> None:
         self.asked: list[Packet] = []
+        self.addresses: list[str] = []
+        self.told: list[str] = []
         self.waits = trio.Event()
 
-        async def ask(_address: str, packet: Packet, _answer: object, timeout_s: float) -> Packet:
+        async def ask(address: str, packet: Packet, _answer: object, timeout_s: float) -> Packet:
             self.asked.append(packet)
+            self.addresses.append(address)
             await trio.lowlevel.checkpoint()
             known = answer(packet)
             if known is None:
@@ -143,12 +147,15 @@ class Beginning:
             return SimpleNamespace(to_bytes=bytes)
 
         monkeypatch.setattr(OneImage, "_request", cast(RenderRequest, request))
-        calls = SimpleNamespace(ask=ask, world=SimpleNamespace(clock=TrioClock()), leases=SimpleNamespace(rendering=rendering))
+        world = SimpleNamespace(clock=TrioClock(), entropy=SimpleNamespace(token=os.urandom))
+        calls = SimpleNamespace(ask=ask, world=world, leases=SimpleNamespace(rendering=rendering))
         cluster, scene = SimpleNamespace(calls=calls), SimpleNamespace(access=None)
-        self._image = OneImage(cast(Cluster, cluster), cast(Scene, scene), RenderOptions(), None, lambda *_: None)
+        self._image = OneImage(
+            cast(Cluster, cluster), cast(Scene, scene), RenderOptions(), None, lambda *_: None, organised_by=self.told.append
+        )
 
-    async def begin(self) -> Choice:
-        renderers = cast(Renderers, SimpleNamespace(nodes=(FIRST,)))
+    async def begin(self, *others: NodeId) -> Choice:
+        renderers = cast(Renderers, SimpleNamespace(nodes=(FIRST, *others)))
         return await self._image.begin(Choice(renderers, FIRST, 7, cast(Any, None), frozenset()), KITCHEN)
 
 
@@ -176,3 +183,24 @@ async def test_a_node_that_would_give_it_up_is_no_use(monkeypatch: pytest.Monkey
     known = Beginning(monkeypatch, lambda packet: answers(packet, {**STATE, "phase": "rendering", "unattended": KITCHEN.row()}))
     assert (await known.begin()).job == 7
     assert not any(isinstance(packet, CancelJob) for packet in known.asked)
+
+
+async def test_who_has_no_place_is_not_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes = tuple(NodeId(int(FIRST) + number) for number in range(4))
+    asked = list[Packet]()
+
+    def answer(packet: Packet) -> Packet | None:
+        asked.append(packet)
+        if isinstance(packet, StartJob) and len(asked) < 3:
+            return JobAnswer(job=packet.job, reason=int(RejectReason.BUSY), text="as many jobs as it may")
+        return answers(packet, {**STATE, "phase": "rendering", "unattended": KITCHEN.row()})
+
+    some = Beginning(monkeypatch, answer)
+    taken = await some.begin(*nodes[1:])
+    assert len(set(some.told)) == 3 and some.told == some.addresses[:3]
+    assert address_of(taken.organiser) == some.told[-1]
+    assert len({packet.job for packet in some.asked if isinstance(packet, StartJob)}) == 3
+    full = Beginning(monkeypatch, lambda packet: JobAnswer(job=7, reason=int(RejectReason.BUSY), text="as many jobs as it may"))
+    with pytest.raises(Refused, match="as many jobs"):
+        await full.begin(*nodes[1:])
+    assert sorted(full.told) == sorted(map(address_of, nodes)) and all(isinstance(packet, StartJob) for packet in full.asked)
