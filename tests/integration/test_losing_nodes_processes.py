@@ -10,10 +10,9 @@ import pytest
 import trio
 
 from loopback import free_ports
-from scenefold.base.errors import Unreachable
 from scenefold.client import connect
 from scenefold.node.local import local_cluster
-from scenefold.render.anew import Begun
+from scenefold.render.anew import Begun, may_pass
 from scenefold.render.client import StillOptions, render_still
 from scenefold.render.image_files import image_sha256
 from scenefold.scene.sample import sample_scene_path
@@ -53,8 +52,9 @@ async def test_the_image_is_the_same(tmp_path: Path, victim: str) -> None:
             assert died and nodes.pid(chosen[0]) != died[0]
     assert image_sha256(result.layers["beauty"]) == image_sha256(undisturbed.layers["beauty"])
     if victim == "organiser":
-        assert result.report["begun"] == 1 + len(anew) >= 2 and isinstance(anew[0].error, Unreachable)
-        assert anew[0].error.where == chosen[0]
+        assert result.report["begun"] == 1 + len(anew) >= 2
+        # It may run again by the time that the client asks for the next time.
+        assert may_pass(anew[0].error) and "that organise" in anew[0].error.what and anew[0].error.where == chosen[0]
     else:
         assert lost == chosen == result.report["nodes_lost"]
         assert (result.report["attempts"], result.report["begun"], anew) == (2, 1, [])

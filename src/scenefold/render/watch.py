@@ -24,6 +24,7 @@ from scenefold.wire import CancelJob, FetchFilm, FetchImage, FilmPart, ImagePart
 ASK_S_MAX = 60.0
 POLL_S = 0.25
 LETTING_GO_S_MAX = 10.0
+_AGAIN = "start it again; with --resume it goes on from what was kept"
 
 Progress = Callable[[str, int, int], None]
 """Called with a phase's name, and how much of how much is done."""
@@ -78,9 +79,12 @@ class Watch:
         try:
             reply = await self._ask(JobState(job=self._job), JobStateReply)
         except Unreachable as error:
-            what = f"the node that organises the render is lost: {error.what}"
-            remedy = "start it again; with --resume it goes on from what was kept"
-            raise Unreachable(what, where=self._address, remedy=remedy) from error
+            raise Unreachable(f"the node that organises the render is lost: {error.what}", where=self._address, remedy=_AGAIN) from error
+        except Refused as refused:
+            if refused.reason is not RejectReason.NOT_READY:
+                raise
+            what = "the node that organised the render was started anew, and knows nothing of it"
+            raise Refused(RejectReason.NOT_READY, what, where=self._address, remedy=_AGAIN) from refused
         stand = stand_of(reply.document, self._address)
         if stand.phase == "failed":
             raise error_of(stand.failure_reason, stand.failure, where=self._address, before="the render failed: ")

@@ -16,6 +16,7 @@ from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
+from scenefold.render.anew import may_pass
 from scenefold.render.choice import Renderers
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import BESIDE
@@ -204,3 +205,14 @@ async def test_who_has_no_place_is_not_asked_again(monkeypatch: pytest.MonkeyPat
     with pytest.raises(Refused, match="as many jobs"):
         await full.begin(*nodes[1:])
     assert sorted(full.told) == sorted(map(address_of, nodes)) and all(isinstance(packet, StartJob) for packet in full.asked)
+
+
+async def test_a_node_that_was_started_anew_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def answer(packet: Packet) -> Packet | None:
+        if isinstance(packet, JobState):
+            raise Refused(RejectReason.NOT_READY, "this node organises no such job")
+        return answers(packet, None)
+
+    with pytest.raises(Refused, match="started anew") as refused:
+        await Beginning(monkeypatch, answer).begin()
+    assert refused.value.where == address_of(FIRST) and may_pass(refused.value)
