@@ -53,7 +53,11 @@ FAULTS = {
 @pytest.mark.parametrize("faults", FAULTS.values(), ids=FAULTS)
 @pytest.mark.parametrize("moving", [False, True], ids=["fixed", "moving"])
 @pytest.mark.parametrize("nodes", [2, 5])
-async def test_the_image_is_the_same(room: Records, alone: str, nodes: int, moving: bool, faults: Faults) -> None:
+async def test_the_image_is_the_same(
+    room: Records, alone: str, nodes: int, moving: bool, faults: Faults, request: pytest.FixtureRequest
+) -> None:
+    if moving:
+        request.getfixturevalue("ends_moved")
     async with running(FaultyPool(offline_world(), room, nodes, faults)) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, moving=moving))
         assert image and sha256_of(image) == alone

@@ -24,6 +24,8 @@ from scenefold.world.real.world import offline_world
 OPTIONS = RenderOptions(width=96, height=72, samples=24, seed=3, sky=(0.2, 0.3, 0.5))
 JOB = 11
 NODES = 5
+PASSES_BEFORE = 4
+"""More of them than the first round of rays needs."""
 
 
 @pytest.fixture(autouse=True)
@@ -47,6 +49,7 @@ async def _rendered(pool: MemoryPool, options: RenderOptions) -> tuple[str, dict
     return sha256_of(image), state
 
 
+@pytest.mark.usefixtures("ends_moved")
 @pytest.mark.parametrize("algorithm", [name for name in ALGORITHMS if name != RESTING])
 async def test_cells_move_and_no_bit_does(room: Records, alone: str, algorithm: str) -> None:
     async with memory_pool(offline_world(), room, NODES) as pool:
@@ -71,24 +74,30 @@ def _event_of(packet: Packet) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.usefixtures("ends_moved")
 async def test_who_hears_late_of_a_move_claims_with_the_first_rays(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The word to claim is late at all nodes but the first: rays of the new epoch are there before."""
-    claims: list[str] = []
+    """The first node alone is told to claim, until rays of the new epoch are on their way; later passes have to wait for that."""
+    told, rays = trio.Event(), trio.Event()
     plain = MemoryPool.deliver
 
     async def deliver(self: MemoryPool, peer: str, node: NodeId, packet: Packet) -> Packet | None:
         if "claim" in _event_of(packet):
-            claims.append("told")
-            await trio.sleep(0.0 if node == self.nodes[0] else 0.3)
-        if isinstance(packet, SendRays) and packet.partition_epoch > 1 and "told" in claims:
-            claims.append("rays")
+            told.set()
+            if node != self.nodes[0]:
+                await rays.wait()
+        if isinstance(packet, SendRays):
+            if packet.partition_epoch > 1:
+                assert told.is_set()
+                rays.set()
+            elif packet.pass_index >= PASSES_BEFORE:
+                await told.wait()
         return await plain(self, peer, node, packet)
 
     monkeypatch.setattr(MemoryPool, "deliver", deliver)
     async with memory_pool(offline_world(), room, NODES) as pool:
         image, state = await _rendered(pool, replace(OPTIONS, algorithm="kd"))
     assert image == alone and state["moved"] >= 1
-    assert "rays" in claims
+    assert rays.is_set()
 
 
 @pytest.mark.expect_log("cells stay where they are from now on: no memory for more")
@@ -144,6 +153,7 @@ async def test_nobody_but_the_organiser_moves_cells(room: Records) -> None:
             await ask(JobEvent(job=JOB, document=pack_value({"claim": "soon"})))
 
 
+@pytest.mark.usefixtures("ends_moved")
 async def test_what_a_job_held_is_closed_when_it_ends(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
     """Scenes that were opened for moves, too."""
     from scenefold.render.renderers.embree.renderer import EmbreeScene
