@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenefold.partition.leaps import NO_LEAPS
 from scenefold.render.arrays import U32
 from scenefold.render.generate_kernels import SCRATCH_WORDS
 from scenefold.render.job import Job
@@ -30,9 +29,7 @@ class Rig(KitRig):
         numbers, owners = job_numbers(job, self.tables), np.empty(len(rays), np.int32)
         partition, zero = job.partition, np.int32(0)
         scratch = np.empty(SCRATCH_WORDS, np.uint32)
-        find_owners(
-            rays, np.int32(partition.family), partition.kernel_data(), *NO_LEAPS, numbers.box_low, numbers.box_high, zero, owners, scratch
-        )
+        find_owners(rays, np.int32(partition.family), partition.kernel_data(), numbers.box_low, numbers.box_high, zero, owners, scratch)
         with self.opened(job) as scenes:
             flight = Flight([scene.tracers(1)[0] for scene in scenes], 0, len(rays), job.columns)
             flight.land({int(node): rays[owners == node] for node in np.unique(owners)})

@@ -15,7 +15,6 @@ from typing import Any, Protocol, runtime_checkable
 
 from scenefold.base.errors import LocalFault
 from scenefold.partition import Partition
-from scenefold.partition.leaps import Leaps
 from scenefold.render.arrays import F32, U32, JobNumbers, SceneArrays
 from scenefold.render.layers import columns_of
 from scenefold.render.pass_sums import PassSums
@@ -84,15 +83,6 @@ class RoutingTracer(Tracer, Protocol):
 
         Called in any thread, also while this tracer is at work in another one.
         """
-        ...
-
-
-@runtime_checkable
-class LeapingTracer(Tracer, Protocol):
-    """A tracer that sends rays past cells in which they meet nothing (specs/32-empty-space.md). No renderer needs to."""
-
-    def learn(self, leaps: Leaps) -> None:
-        """Where the scene is empty. It may be called in any thread, also while this tracer is at work."""
         ...
 
 

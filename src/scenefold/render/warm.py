@@ -80,9 +80,8 @@ def _source() -> object:
 def _render(algorithm: Algorithm) -> None:
     from scenefold.partition import make_partition
     from scenefold.render.content import held_textures, pair_boxes, scene_arrays, share_of
-    from scenefold.render.contract import HeldGroup, HeldScene, LeapingTracer, load_renderer
+    from scenefold.render.contract import HeldGroup, HeldScene, load_renderer
     from scenefold.render.developing import develop
-    from scenefold.render.empty_space import joined, leaps_of, marks_of, packed
     from scenefold.render.film import Film
     from scenefold.render.job import Job
     from scenefold.render.layers import USUAL
@@ -114,7 +113,7 @@ def _render(algorithm: Algorithm) -> None:
         camera=camera_numbers(camera, 16, 16), nodes=(NodeId(2), NodeId(3)), partition=partition,
     )  # fmt: skip
     numbers = job_numbers(job, tables)
-    held_scenes, opened = [], []
+    opened = []
     for me in range(partition.nodes):
         share = share_of(tables, partition, me)
         atoms = {
@@ -125,13 +124,9 @@ def _render(algorithm: Algorithm) -> None:
         tiles = {number: [decode_tile(records[TEXTURES, place]) for place in tables.textures[number].tiles] for number in worn}
         held = tuple(HeldGroup(g, int(tables.groups.prototypes[g]), int(tables.groups.triangles[g])) for g in share.groups)
         instances = tuple((number, int(tables.instances.prototypes[number])) for number in share.instances)
-        held_scenes.append(HeldScene(scene_arrays(tables, atoms, tiles), held, instances))
-        opened.append(renderer.open(held_scenes[-1], numbers, partition, me))
+        opened.append(renderer.open(HeldScene(scene_arrays(tables, atoms, tiles), held, instances), numbers, partition, me))
     tracers = [scene.tracers(1)[0] for scene in opened]
     size = job.plan.size(0)
-    for tracer in tracers:
-        assert isinstance(tracer, LeapingTracer)
-        tracer.learn(leaps_of(joined([packed(marks_of(one, numbers)) for one in held_scenes]), numbers))
     sums = [PassSums.zeros(size) for _ in tracers]
     waiting = list(tracers[0].generate(0, size).items())
     while waiting:

@@ -56,8 +56,7 @@ class Waits:
     async def prepared(self) -> None:
         await trio.lowlevel.checkpoint()
 
-    async def go(self, _document: dict[str, Any]) -> None:
-        await trio.lowlevel.checkpoint()
+    def go(self, _first: int = 0) -> None:
         self.gone = True
         self.hold.go()
 

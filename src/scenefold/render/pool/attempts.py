@@ -134,7 +134,7 @@ class Attempts:
                 # It went without them before.
                 raise NodesLost(change.nodes, known[0]) from None
             raise
-        await company.tell({"begin": roster.attempt, "epoch": after.epoch, "done": bits_of(done, job.plan.count), "empty": company.empty})
+        await company.tell({"begin": roster.attempt, "epoch": after.epoch, "done": bits_of(done, job.plan.count)})
         self.partition, self._cells_of = after, roster.nodes
 
     async def _cells(self, roster: Roster) -> Partition:

@@ -8,9 +8,8 @@ from contextlib import contextmanager
 import trio
 
 from scenefold.partition import Partition
-from scenefold.partition.leaps import Leaps
 from scenefold.render.arrays import U32
-from scenefold.render.contract import LeapingTracer, RoutingTracer, Tracer
+from scenefold.render.contract import RoutingTracer, Tracer
 
 
 class Cell:
@@ -39,12 +38,6 @@ class Cell:
         """Return once none of them works. Nobody begins any more."""
         if self._working:
             await self._rested.wait()
-
-    def learn(self, leaps: Leaps) -> None:
-        """Where the scene is empty, for the tracers that go by it."""
-        for tracer in self.tracers:
-            if isinstance(tracer, LeapingTracer):
-                tracer.learn(leaps)
 
     @property
     def can_route(self) -> bool:

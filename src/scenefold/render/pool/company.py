@@ -14,12 +14,10 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import text, whole
 from scenefold.base.reasons import RejectReason
 from scenefold.render.arrays import F32
-from scenefold.render.empty_space import joined
 from scenefold.render.job import Job
 from scenefold.render.pool.hit_sample import hits_of_bytes
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.roster import Roster
-from scenefold.render.pool.share import FILM_LANE
 from scenefold.render.pool.telling import error_of
 from scenefold.wire import JobAnswer, JobEvent, JobState, JobStateReply, Packet, Value, pack_value, unpack_value
 from scenefold.world import leaves
@@ -64,10 +62,6 @@ class Company:
         self.hits: dict[NodeId, F32] = {}
         self.done: dict[NodeId, Value] = {}
         """The passes in each node's film, while an attempt is held; too many for what clients are told."""
-
-        self.empty = b""
-        """Where the scene is empty (specs/32-empty-space.md); nothing if that is not known."""
-        self._marks: dict[NodeId, Value] = {}
 
     @property
     def nodes(self) -> tuple[NodeId, ...]:
@@ -119,7 +113,6 @@ class Company:
                 return
             away.extend(Apart(node, other, words) for other, words in _away(state.pop("away", [])) if other in self.nodes)
             self.done[node] = state.pop("film", None)
-            self._marks[node] = state.pop("marks", b"")
             hits = state.pop("hits", None)
             if self._job.moves and hits is not None:
                 self.hits[node] = hits_of_bytes(hits, len(self._job.nodes))
@@ -131,14 +124,6 @@ class Company:
         for node, apart in who_go(away, self.roster.organiser).items():
             lost.note(node, Unreachable(apart.words, where=address_of(apart.by)))
         lost.check()
-
-    async def learn_empty(self) -> None:
-        """Before anybody traces: look, and put together what all have told of where they hold something. NodesLost."""
-        await self.look()
-        if len(self.nodes) > 1:
-            marks = [self._marks[node] for node in self.nodes]
-            self.empty = await self._host.world.workers.run(FILM_LANE, joined, marks)
-        self._marks.clear()
 
     @asynccontextmanager
     async def watched(self) -> AsyncIterator[None]:

@@ -11,16 +11,14 @@ from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
-from scenefold.partition.leaps import Leaps
 from scenefold.partition.value import EPOCH_MAX
 from scenefold.render.content import share_of
-from scenefold.render.contract import MovableScene, OpenScene, Renderer, Tracer
-from scenefold.render.empty_space import leaps_of
+from scenefold.render.contract import MovableScene, OpenScene, Renderer
 from scenefold.render.job import Job
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
-from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare, load_share
+from scenefold.render.pool.share import LANE, LoadedShare, load_share
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +39,6 @@ class Moving:
         self.held: Held | None = None
         self.bytes_read = 0
         """Of the scene, so far."""
-        self._leaps: Leaps | None = None
         self._next: Held | None = None
         self._left: deque[Held] = deque()
         """To be closed once no tracer of theirs works."""
@@ -54,15 +51,6 @@ class Moving:
         """The job's first cell; the scene's keys are needed for as long as this takes."""
         self.held = await self._opened(self._job.partition, self._place)
         return self.held
-
-    async def learn(self, empty: object) -> None:
-        """Where the scene is empty, as `joined` has it; for this cell and all that follow. PeerFault if it is nothing of the kind."""
-        if not empty or self._leaps is not None:
-            return
-        self._leaps = leaps = await self._host.world.workers.run(FILM_LANE, leaps_of, empty, self._now().loaded.numbers)
-        for held in (self.held, self._next):
-            if held is not None:
-                held.cell.learn(leaps)
 
     def take_place(self, place: int, places: int) -> None:
         """In a new attempt. Nothing is traced before a cell of it is claimed."""
@@ -156,7 +144,7 @@ class Moving:
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
         if holds and isinstance(now.scene, MovableScene):
             tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, partition, place, self._host.render_threads)
-            return Held(self._cell(partition, tracers), now.loaded, now.scene)
+            return Held(Cell(partition, tracers), now.loaded, now.scene)
         return await self._opened(partition, place)
 
     async def _opened(self, partition: Partition, place: int) -> Held:
@@ -171,13 +159,7 @@ class Moving:
         if self._is_over:
             await host.world.workers.run(LANE, scene.close)
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is over")
-        return Held(self._cell(partition, scene.tracers(host.render_threads)), loaded, scene)
-
-    def _cell(self, partition: Partition, tracers: list[Tracer]) -> Cell:
-        cell = Cell(partition, tracers)
-        if self._leaps is not None:
-            cell.learn(self._leaps)
-        return cell
+        return Held(Cell(partition, scene.tracers(host.render_threads)), loaded, scene)
 
     async def _close(self, held: Held) -> None:
         """Unless somebody else traces with it."""

@@ -238,8 +238,8 @@ class Organiser:
         try:
             with _Timed(self, "prepare"):
                 await company.ask(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
-            await company.learn_empty()
             if self._keep is not None:
+                await company.look()
                 self._digest = digest_of_scene(job.content, (_digest_of(state.get("digest")) for state in company.states.values()))
                 if self._keep.passes:
                     _check_kept(self._keep, self._digest, job.numeric_class)
@@ -248,7 +248,7 @@ class Organiser:
                 await self._film_before(job)
                 clock, fresh = self._host.world.clock, partial(fresh_cells, self._host, tables, self._algorithm, self._camera)
                 self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), clock, self._before, fresh)
-                await company.tell({"go": True, "from": self._before, "empty": company.empty})
+                await company.tell({"go": True, "from": self._before})
         except NodesLost as lost:
             # Nothing is traced yet, and whoever wants the image may choose again who renders it.
             raise lost.error from None

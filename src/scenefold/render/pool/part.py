@@ -14,7 +14,6 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
 from scenefold.render.contract import Renderer, check_layers_written
-from scenefold.render.empty_space import marks_of, packed
 from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import Job
 from scenefold.render.layers import image_bytes
@@ -30,7 +29,7 @@ from scenefold.render.pool.member import Member
 from scenefold.render.pool.moving import Moving
 from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
 from scenefold.render.pool.roster import Roster
-from scenefold.render.pool.share import FILM_LANE, LANE, LoadedShare
+from scenefold.render.pool.share import FILM_LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
 from scenefold.wire import AcknowledgeRays, CollectPass, JobAnswer, Packet, PassCounts, PassSums, SendRays, Value
 from scenefold.world import DiskFailed, QuietLog
@@ -80,8 +79,6 @@ class Part:
         self._prepare_seconds = 0.0
         self._was_ready = False
         self._digest = b""
-        self._marks = b""
-        """Until it traces: where what it holds is."""
         self._gathered = Gathered(job.window.pixels, job.plan.levels)
         self.hold = Hold()
 
@@ -142,11 +139,9 @@ class Part:
         """Whether it held its share at some time."""
         return self._was_ready
 
-    async def go(self, document: dict[str, Any]) -> None:
-        """All nodes are ready: trace, the passes below `from` being closed already, past all that is `empty`. PeerFault if that is no pass."""
-        self.member().skip(self._number(document.get("from", 0)))
-        await self._moving.learn(document.get("empty"))
-        self._marks = b""
+    def go(self, first: object) -> None:
+        """All nodes are ready: trace, the passes below `first` being closed already. PeerFault if that is no pass."""
+        self.member().skip(self._number(first))
         self.hold.go()
         self._go.set()
 
@@ -210,9 +205,8 @@ class Part:
         if self.failure is not None:
             raise told(self.failure)
 
-    async def begin(self, document: dict[str, Any]) -> None:
+    def begin(self, document: dict[str, Any]) -> None:
         """Trace all but the passes that are done. PeerFault if the node was not told of that attempt, or has passes that are not done."""
-        await self._moving.learn(document.get("empty"))
         attempt = _count_of(document.get("begin"))
         if self.phase is not Phase.HELD or attempt != self._roster.attempt:
             raise PeerFault("no such attempt was told of", where=f"attempt {attempt}")
@@ -310,8 +304,6 @@ class Part:
                 "digest": self._digest,
                 "prepare_seconds": self._prepare_seconds,
             }
-        if self._marks:
-            document["marks"] = self._marks
         member = self._member
         if member is not None or self.phase is Phase.HELD:
             statistics = self._lasting.statistics
@@ -361,8 +353,6 @@ class Part:
         self._check_memory()
         held = await self._moving.open()
         self._digest = held.loaded.digest
-        if len(job.nodes) > 1:
-            self._marks = await host.world.workers.run(LANE, _packed_marks, held.loaded)
         self._member = self._made(held.cell, held.loaded.numbers.stride, ())
         self._prepare_seconds = host.world.clock.now() - begun
         self.phase, self._was_ready = Phase.READY, True
@@ -392,10 +382,6 @@ class Part:
     def _sent(self, member: Member) -> dict[str, int]:
         """On links, in all attempts."""
         return {name: self._sent_before.get(name, 0) + count for name, count in member.link_counts.items()}
-
-
-def _packed_marks(loaded: LoadedShare) -> bytes:
-    return packed(marks_of(loaded.held, loaded.numbers))
 
 
 def _count_of(value: object) -> int:

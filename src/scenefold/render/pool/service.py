@@ -314,7 +314,7 @@ class RenderService:
 async def _obey(part: Part, organiser: NodeId, document: dict[str, Any]) -> None:
     """What the organiser says of a job."""
     if document.get("go") is True:
-        await part.go(document)
+        part.go(document.get("from", 0))
     elif "level" in document:
         part.on_level(document)
     elif "until" in document:
@@ -328,7 +328,7 @@ async def _obey(part: Part, organiser: NodeId, document: dict[str, Any]) -> None
     elif "hold" in document:
         await part.pause(document, organiser)
     elif "begin" in document:
-        await part.begin(document)
+        part.begin(document)
     elif "gathered" in document:
         await part.forget_gathered(document["gathered"])
 

@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 
 from scenefold.partition.kernels import exit_after, owner_ahead
-from scenefold.partition.leap_kernels import first_near
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.pixel_kernels import pixel_of
 from scenefold.render.precise_kernels import path_key
@@ -40,7 +39,7 @@ from scenefold.render.renderers.embree.filter_kernels import (
 from scenefold.render.renderers.embree.memory_kernels import call_with_3, load_i64, load_u32, prefetch
 from scenefold.render.renderers.embree.own_box_kernels import own_box_entry
 from scenefold.render.shade_kernels import STATUS_DEAD, STATUS_FORWARD, STATUS_FREE, STATUS_HIT
-from scenefold.render.space_kernels import box_span, step_after, step_before, t_of_step
+from scenefold.render.space_kernels import box_span, step_after, t_of_step
 
 _INVOKE_ARGUMENT_FILTER = np.uint32(2)
 _PAD = 2.0**-20
@@ -280,14 +279,12 @@ def cast_batch(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def find_owners(rays, family, cells, distances, low_voxel, _high_voxel, per_voxel, shift, low, high, me, owners, scratch):  # type: ignore[no-untyped-def]
-    """Which node casts each ray next: the owner of the place up to which it is done, or from which on it may meet something.
+def find_owners(rays, family, cells, low, high, me, owners, scratch):  # type: ignore[no-untyped-def]
+    """Which node casts each ray next: the owner of the place up to which it is done.
 
-    A ray that is done for good stays with whoever holds it. `distances` to `shift` are those of `Leaps`: where they have grids, a ray is done,
-    as its t_done then says, up to the first place that is near to anything. owners int32[n] is written; scratch uint32[SCRATCH_WORDS].
+    A ray that is done for good stays with whoever holds it. owners int32[n] is written; scratch uint32[SCRATCH_WORDS].
     """
     directions = scratch.view(np.float32)
-    leaps = distances.shape[0] != 0
     for i in range(rays.shape[0]):
         lane = i & (LANES - 1)
         if lane == 0:
@@ -298,22 +295,12 @@ def find_owners(rays, family, cells, distances, low_voxel, _high_voxel, per_voxe
             continue
         ox, oy, oz = origin_of(rays, i)
         x, y, z = np.float64(ox), np.float64(oy), np.float64(oz)
-        t_in, t_out = 0.0, 1.0
         if is_shadow_ray(rays, i):
             ex, ey, ez = end_of(rays, i)
             dx, dy, dz = np.float64(np.float32(ex - ox)), np.float64(np.float32(ey - oy)), np.float64(np.float32(ez - oz))
+            t = t_of_step(step, 0.0, 1.0)
         else:
             dx, dy, dz = np.float64(directions[lane]), np.float64(directions[LANES + lane]), np.float64(directions[2 * LANES + lane])
             t_in, t_out = box_span(x, y, z, dx, dy, dz, low, high)
-        t = t_of_step(step, t_in, t_out)
-        if leaps:
-            # Where the box ends, or a shadow ray, everything does.
-            first = first_near(distances, low_voxel, per_voxel, shift, x, y, z, dx, dy, dz, t, max(t, t_out))
-            done = step_before(first, t_in, t_out, step)
-            if done != step:
-                set_t_done(rays, i, done)
-                if done == 65535:
-                    owners[i] = me
-                    continue
-                t = t_of_step(done, t_in, t_out)
+            t = t_of_step(step, t_in, t_out)
         owners[i] = owner_ahead(family, cells, x + dx * t, y + dy * t, z + dz * t, dx, dy, dz)

@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition
-from scenefold.partition.leaps import NO_LEAPS, Leaps
 from scenefold.render.arrays import F32, I64, U8, U32, JobNumbers, SceneArrays
 from scenefold.render.contract import Advanced
 from scenefold.render.generate_kernels import SCRATCH_WORDS, generate_pass
@@ -61,13 +60,8 @@ class EmbreeTracer:
         self._stack = np.empty((8 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._leaving = np.empty((4 * CHUNK_RAYS, RAY_WORDS), np.uint32)
         self._leaving_owner = np.empty(4 * CHUNK_RAYS, np.int32)
-        self._leaps = NO_LEAPS
         self._untold = 0
         """Hits since the last one that was told."""
-
-    def learn(self, leaps: Leaps) -> None:
-        """See `LeapingTracer`."""
-        self._leaps = leaps
 
     def generate(self, first_path: int, count: int) -> dict[int, U32]:
         """See `Tracer`. What misses the job's box altogether stays here, to see the sky."""
@@ -80,10 +74,9 @@ class EmbreeTracer:
     def route(self, rays: U32) -> dict[int, U32]:
         """See `RoutingTracer`. Any thread may call it, whatever this tracer does meanwhile."""
         owners, job = np.empty(len(rays), np.int32), self._job
-        # Empty cells are noted in the rays.
-        rays = np.array(rays)
+        rays = np.ascontiguousarray(rays)
         scratch = _aligned_words(SCRATCH_WORDS)
-        cast_kernels.find_owners(rays, self._family, self._cells, *self._leaps, job.box_low, job.box_high, self._me, owners, scratch)
+        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners, scratch)
         return self._grouped(rays, owners, len(rays))
 
     def advance(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
@@ -204,7 +197,7 @@ class EmbreeTracer:
             owners[: len(rays)] = self._me
             return
         job = self._job
-        cast_kernels.find_owners(rays, self._family, self._cells, *self._leaps, job.box_low, job.box_high, self._me, owners, self._scratch)
+        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners, self._scratch)
 
     def _grouped(self, rays: U32, owners: npt.NDArray[np.int32], count: int) -> dict[int, U32]:
         first: I64 = np.empty(self._nodes + 1, np.int64)
