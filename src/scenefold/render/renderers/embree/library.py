@@ -1,7 +1,7 @@
 """Embree 4 as bundled with the embreex wheel, by ctypes: device, geometry, scenes. The only door to Embree.
 
 embreex's own interface has no filters, instances or choice of instruction set (docs/decisions). The device is
-made for AVX2 on one thread: results differ between instruction sets, so every node uses the same, and the
+made for AVX2: results differ between instruction sets, so every node uses the same, and the
 job's numeric class says which (rendering.md, Bits).
 """
 
@@ -22,6 +22,8 @@ from scenefold.render.contract import NoRoomForTrees
 from scenefold.render.renderers.embree.tree_memory import MONITOR, TreeMemory
 
 ISA: Final = "avx2"
+BUILD_THREADS: Final = 2
+"""That build trees. With one, the second of two scenes that are built at a time makes TBB want a worker, which then spins (sched_yield) until the process ends."""
 ARITHMETIC: Final = 6
 """Of our own kernels: one more whenever a change of theirs changes the bits of an image."""
 
@@ -96,7 +98,7 @@ def _has_avx2() -> bool:
 def numeric_class() -> str:
     """The class within which images are equal to the bit: Embree's version and instruction set, and our own arithmetic."""
     library = _library()
-    device = library.rtcNewDevice(f"isa={ISA},threads=1".encode())
+    device = library.rtcNewDevice(f"isa={ISA},threads={BUILD_THREADS}".encode())
     version = int(library.rtcGetDeviceProperty(device, _PROPERTY_VERSION))
     library.rtcReleaseDevice(device)
     kernels = metadata.version("embreex")
@@ -115,7 +117,7 @@ class Device:
                 remedy="render on nodes with AVX2",
             )
         self._library = _library()
-        self._device = self._library.rtcNewDevice(f"isa={ISA},threads=1".encode())
+        self._device = self._library.rtcNewDevice(f"isa={ISA},threads={BUILD_THREADS}".encode())
         if not self._device:
             raise LocalFault("Embree could not start", where="rtcNewDevice", remedy="check the processor and memory limits")
         self._memory = memory
