@@ -23,7 +23,7 @@ from scenefold.render.renderers.embree.tree_memory import MONITOR, TreeMemory
 
 ISA: Final = "avx2"
 BUILD_THREADS: Final = 2
-"""That build trees. With one, the second of two scenes that are built at a time makes TBB want a worker, which then spins (sched_yield) until the process ends."""
+"""That build trees. With one, a worker of oneTBB was seen to call sched_yield without end in each node of a pool; why is not known (docs/benchmarks.md)."""
 ARITHMETIC: Final = 6
 """Of our own kernels: one more whenever a change of theirs changes the bits of an image."""
 
