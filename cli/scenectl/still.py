@@ -255,7 +255,7 @@ def _tell_anew(embedded: LocalCluster | None, begun: Begun) -> None:
 def anew_text(begun: Begun) -> str:
     """Why a render is begun anew, by whom, and from where on."""
     where = f" ({begun.error.where})" if begun.error.where else ""
-    without = f" without {_few(begun.silent)}" if begun.silent else ""
+    without = f" without {_few(begun.without)}" if begun.without else ""
     passes = f" behind the {begun.passes:,} passes that were kept" if begun.passes else ""
     return f"note: {begun.error.what}{where}: it is begun anew{without}{passes}"
 

@@ -27,6 +27,7 @@ DIGESTS = {
     "scenefold.render.passes": "names a path by job and number",
     "scenefold.render.pool.whole_scene": "tells whether a scene is the one that was rendered before",
     "scenefold.render.rehearsal.pool": "names an image by its bytes",
+    "scenefold.render.renderers.embree.numeric_class": "draws fixed rays, and names what a processor makes of them",
     "scenefold.scene.archive": "finds what was changed in a file that everybody may read",
     "scenefold.scene.importers.plan": "tells whether an import is the one that began",
     "scenefold.scene.log.first": "the id of a scene's first entry",

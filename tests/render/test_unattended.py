@@ -31,7 +31,7 @@ async def jobs(pool: MemoryPool, node: NodeId, user: str = USER) -> list[dict[st
     reply = await pool.deliver(user, node, JobState(job=ALL_JOBS))
     assert isinstance(reply, JobStateReply)
     document = unpack_value(reply.document, what="jobs")
-    assert isinstance(document, dict) and set(document) == {"jobs"}
+    assert isinstance(document, dict) and set(document) == {"jobs", "numeric_class"}
     return list(document["jobs"])
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
@@ -12,6 +13,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster
 from scenefold.client.together import together
 from scenefold.render.pool.unattended import ALL_JOBS
+from scenefold.render.reports import class_told
 from scenefold.wire import JobState, JobStateReply
 
 VAIN_MAX = 3
@@ -27,10 +29,10 @@ ANSWER_S_MAX = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Begun:
-    """Why a render is begun anew. `silent`: addresses of nodes that do not answer; `passes`: those that need not be traced again."""
+    """Why a render is begun anew. `without`: addresses of nodes that do not answer, or would make other bits; `passes`: those that need not be traced again."""
 
     error: ScenefoldError
-    silent: tuple[str, ...]
+    without: tuple[str, ...]
     passes: int
 
 
@@ -63,13 +65,23 @@ def may_pass(error: ScenefoldError) -> bool:
     return isinstance(error, Unreachable) or (isinstance(error, Refused) and error.reason is RejectReason.NOT_READY)
 
 
-async def silent_of(cluster: Cluster, nodes: Collection[NodeId]) -> frozenset[NodeId]:
-    """Which of these nodes cannot be reached just now."""
-    silent = set[NodeId]()
+class Heard(NamedTuple):
+    """What nodes say to who asks whether they are there."""
+
+    silent: frozenset[NodeId]
+    """Those that cannot be reached just now."""
+    classes: Mapping[NodeId, str]
+    """The numeric class in which a node renders, of those that have loaded a renderer since they started."""
+
+
+async def heard_of(cluster: Cluster, nodes: Collection[NodeId]) -> Heard:
+    """Ask each of these nodes."""
+    silent, classes = set[NodeId](), dict[NodeId, str]()
 
     async def look(node: NodeId) -> None:
         try:
-            await cluster.calls.ask(address_of(node), JobState(job=ALL_JOBS), JobStateReply, timeout_s=ANSWER_S_MAX)
+            reply = await cluster.calls.ask(address_of(node), JobState(job=ALL_JOBS), JobStateReply, timeout_s=ANSWER_S_MAX)
+            classes[node] = class_told(reply.document, address_of(node))
         except Unreachable:
             silent.add(node)
         except (Refused, PeerFault):
@@ -77,4 +89,4 @@ async def silent_of(cluster: Cluster, nodes: Collection[NodeId]) -> frozenset[No
             return
 
     await together(partial(look, node) for node in nodes)
-    return frozenset(silent)
+    return Heard(frozenset(silent), classes)

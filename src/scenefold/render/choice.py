@@ -21,6 +21,7 @@ UNKNOWN = "no certificate of it is known"
 OTHER_KEYS = "it is a member under other keys than those of its certificate"
 REVOKED = "its key is revoked"
 SILENT = "it does not answer"
+OTHER_CLASS = "what it renders would differ in bits from what the others do: its versions, or its processor's maker, are others"
 TOO_MANY = f"a job has at most {POOL_NODES_MAX} nodes"
 
 
@@ -51,6 +52,19 @@ class Renderers:
         """The same, but for nodes that could not be reached just now."""
         sealing = {node: key for node, key in self.sealing.items() if node not in silent}
         return Renderers(sealing, (*self.left_out, *(LeftOut(node, SILENT) for node in self.sealing if node in silent)))
+
+    def of_one_class(self, classes: Mapping[NodeId, str], wanted: str = "") -> Renderers:
+        """The same, but for those that said that they render in another numeric class than `wanted`, or else than most that said one.
+
+        `classes`: what nodes have said. Who said nothing stays; between equally many, the class of whoever comes first on the line does.
+        """
+        said = [classes[node] for node in self.sealing if classes.get(node)]
+        if not said:
+            return self
+        kept = wanted if wanted in said else max(said, key=said.count)
+        others = [node for node in self.sealing if classes.get(node, kept) not in (kept, "")]
+        sealing = {node: key for node, key in self.sealing.items() if node not in others}
+        return Renderers(sealing, (*self.left_out, *(LeftOut(node, OTHER_CLASS) for node in others)))
 
     def check_any(self, scene: str) -> None:
         """LocalFault, with what to do about it, if nobody may render."""

@@ -240,5 +240,5 @@ async def _begun_until_it_is(
         choice = await wish.choose_again()
         choice.renderers.check_any(scene.name)
         if anew is not None:
-            anew(Begun(why, tuple(sorted(map(address_of, choice.silent))), wish.passes_kept))
+            anew(Begun(why, tuple(sorted(map(address_of, choice.without))), wish.passes_kept))
         progress("prepare", 0, 1)

@@ -12,7 +12,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
 from scenefold.client.sealing import SceneIdentity
-from scenefold.render.anew import CHOOSE_PAUSE_S, CHOOSE_S_MAX, may_pass, silent_of
+from scenefold.render.anew import CHOOSE_PAUSE_S, CHOOSE_S_MAX, heard_of, may_pass
 from scenefold.render.choice import Renderers
 from scenefold.render.choosing import renderers_of
 from scenefold.render.job import RenderOptions
@@ -39,8 +39,8 @@ class Choice(NamedTuple):
     organiser: NodeId
     job: int
     identity: SceneIdentity
-    silent: frozenset[NodeId]
-    """Who would render it, too, but cannot be reached."""
+    without: frozenset[NodeId]
+    """Who would render it, too, but cannot be reached, or renders in another numeric class."""
 
 
 class OneImage:
@@ -78,7 +78,7 @@ class OneImage:
         await self._cluster.calls.world.clock.sleep(seconds)
 
     async def choose_again(self) -> Choice:
-        """The same, but for those that were asked before and cannot be reached. It may take a minute until anybody can say it.
+        """The same, but for those that were asked before and cannot be reached, or render in another numeric class than most. It may take a minute until anybody can say it.
 
         Unreachable or Refused if nobody does by then, or none of those that may render answers.
         """
@@ -95,17 +95,19 @@ class OneImage:
     async def _chosen_of_those_that_answer(self) -> Choice:
         renderers = await renderers_of(self._cluster, self._scene)
         identity = self._scene.access.identity  # with nothing awaited between: these are the keys that the choice is for
-        silent = await silent_of(self._cluster, self.asked.intersection(renderers.nodes))
+        silent, classes = await heard_of(self._cluster, self.asked.intersection(renderers.nodes))
         if silent and silent >= {*renderers.nodes}:
             raise Unreachable(
                 "none of the nodes that may render answers", where=", ".join(map(address_of, sorted(silent))), remedy="start them"
             )
-        return self._choice(renderers.without(silent), identity, silent)
+        wanted = "" if self._keeper is None else self._keeper.keep.numeric_class
+        chosen = renderers.without(silent).of_one_class(classes, wanted)
+        return self._choice(chosen, identity, frozenset({*renderers.nodes} - {*chosen.nodes}))
 
-    def _choice(self, renderers: Renderers, identity: SceneIdentity, silent: frozenset[NodeId]) -> Choice:
+    def _choice(self, renderers: Renderers, identity: SceneIdentity, without: frozenset[NodeId]) -> Choice:
         job = int.from_bytes(self._cluster.calls.world.entropy.token(8), "big") or 1
         organiser = organiser_of(job, renderers.nodes) if renderers.nodes else NodeId(0)
-        return Choice(renderers, organiser, job, identity, silent)
+        return Choice(renderers, organiser, job, identity, without)
 
     async def render(self, choice: Choice) -> tuple[bytes, dict[str, Any]]:
         """The image, packed, and its report. Unreachable or Refused (16) if it may be begun anew; Refused (13) if none has a place for it."""
@@ -170,7 +172,7 @@ class OneImage:
                 if refused.reason is not RejectReason.BUSY or busy >= {*choice.renderers.nodes}:
                     raise
                 while choice.organiser in busy:
-                    choice = self._choice(choice.renderers, choice.identity, choice.silent)
+                    choice = self._choice(choice.renderers, choice.identity, choice.without)
             else:
                 return choice
 

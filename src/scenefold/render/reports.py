@@ -117,6 +117,15 @@ def numeric_class_of(stand: Stand, where: str) -> str:
         return _short(stand.document["numeric_class"])
 
 
+def class_told(packed: bytes, where: str) -> str:
+    """The numeric class in which a node renders, as it tells whoever asks of all jobs; empty if it says none. PeerFault if that is none."""
+    with believed(where):
+        document = unpack_value(packed, what="what a node tells of its jobs")
+        if not isinstance(document, dict):
+            raise ValueError("a document is expected")
+        return _short(document.get("numeric_class", ""))
+
+
 def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[str] | None, where: str) -> dict[str, Any]:
     """The report of a finished image (docs/reference/scenectl.md). `chosen`: addresses of those that may have rendered it; None if another client chose."""
     with believed(where):

@@ -15,10 +15,12 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
 from scenefold.crypto import SealingKey
 from scenefold.render import one_image
-from scenefold.render.anew import BEGUN_MAX, CHOOSE_S_MAX, PAUSE_S, VAIN_MAX, Tries
-from scenefold.render.choice import SILENT, LeftOut, Renderers
+from scenefold.render.anew import BEGUN_MAX, CHOOSE_S_MAX, PAUSE_S, VAIN_MAX, Heard, Tries, heard_of
+from scenefold.render.choice import OTHER_CLASS, SILENT, LeftOut, Renderers
 from scenefold.render.job import RenderOptions
 from scenefold.render.one_image import OneImage
+from scenefold.render.pool.unattended import ALL_JOBS
+from scenefold.wire import JobStateReply, Value, pack_value
 from unit.peer.village import TrioClock
 
 LOST = Unreachable("gone")
@@ -69,10 +71,16 @@ def test_what_will_fail_again_is_not_tried_again(error: ScenefoldError, is_so: b
 class Chooser:
     """Who says who may render, and who answers, each time that it is asked."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, answers: list[Renderers | ScenefoldError], silent: list[set[int]]) -> None:
-        self.answers, self.silent = iter(answers), iter(silent)
+    def __init__(
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        answers: list[Renderers | ScenefoldError],
+        silent: list[set[int]],
+        classes: dict[int, str] | None = None,
+    ) -> None:
+        self.answers, self.silent, self.classes = iter(answers), iter(silent), classes or {}
         monkeypatch.setattr(one_image, "renderers_of", self._renderers)
-        monkeypatch.setattr(one_image, "silent_of", self._silent)
+        monkeypatch.setattr(one_image, "heard_of", self._heard)
         calls = SimpleNamespace(world=SimpleNamespace(clock=TrioClock(), entropy=SimpleNamespace(token=bytes)))
         cluster, scene = SimpleNamespace(calls=calls), SimpleNamespace(access=SimpleNamespace(identity=None))
         self.image = OneImage(cast(Cluster, cluster), cast(Scene, scene), RenderOptions(), None, lambda *_: None)
@@ -84,14 +92,15 @@ class Chooser:
             raise answer
         return answer
 
-    async def _silent(self, _cluster: object, nodes: set[NodeId]) -> frozenset[NodeId]:
-        return frozenset(map(NodeId, next(self.silent))) & nodes
+    async def _heard(self, _cluster: object, nodes: set[NodeId]) -> Heard:
+        silent = frozenset(map(NodeId, next(self.silent))) & nodes
+        return Heard(silent, {NodeId(node): told for node, told in self.classes.items() if node not in silent})
 
 
 async def test_who_knows_who_may_render_may_just_be_starting(monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock) -> None:
     chooser = Chooser(monkeypatch, [LOST, LOST, LOST, Renderers(KEYS)], [{2}])
     choice = await chooser.image.choose_again()
-    assert choice.renderers.nodes == (1, 3) and choice.silent == {2} and choice.organiser in (1, 3)
+    assert choice.renderers.nodes == (1, 3) and choice.without == {2} and choice.organiser in (1, 3)
 
 
 async def test_nobody_who_answers_is_waited_for_and_no_lack_of_rights(monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock) -> None:
@@ -115,3 +124,56 @@ def test_who_does_not_answer_is_left_out_and_named() -> None:
     left = Renderers(KEYS, (before,)).without({NodeId(2), NodeId(7)})
     assert left.nodes == (1, 3)
     assert left.left_out == (before, LeftOut(NodeId(2), SILENT))
+
+
+async def test_who_renders_in_another_class_than_most_is_left_out_and_so_the_render_does_not_fail_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chooser = Chooser(monkeypatch, [Renderers(KEYS)], [set()], {1: "of one maker", 2: "of the other", 3: "of the other"})
+    choice = await chooser.image.choose_again()
+    assert choice.renderers.nodes == (2, 3) and choice.without == {1} and choice.organiser in (2, 3)
+    assert choice.renderers.left_out == (LeftOut(NodeId(1), OTHER_CLASS),)
+
+
+@pytest.mark.parametrize(
+    ("classes", "wanted", "nodes"),
+    [
+        ({}, "", (1, 2, 3)),
+        ({1: "a", 2: "a", 3: "a"}, "", (1, 2, 3)),
+        ({1: "a", 2: "b", 3: "b"}, "", (2, 3)),
+        ({1: "a", 2: "b", 3: "b"}, "a", (1,)),
+        ({1: "a", 2: "b", 3: "b"}, "of nobody here", (2, 3)),
+        ({2: "b", 3: "a"}, "", (1, 2)),
+        ({1: "", 2: "b", 3: "b"}, "", (1, 2, 3)),
+        ({1: "", 2: "", 3: ""}, "a", (1, 2, 3)),
+    ],
+)
+def test_of_several_classes_one_renders(classes: dict[int, str], wanted: str, nodes: tuple[int, ...]) -> None:
+    """A kept render's, or that of most, or of the first on the line; and who has said none: its own nodes will hear of it."""
+    left = Renderers(KEYS).of_one_class({NodeId(node): told for node, told in classes.items()}, wanted)
+    assert left.nodes == nodes
+    assert left.left_out == tuple(LeftOut(node, OTHER_CLASS) for node in KEYS if node not in nodes)
+
+
+async def test_nodes_are_asked_whether_they_are_there_and_in_which_class_they_render() -> None:
+    answers: dict[int, object] = {
+        1: {"jobs": [], "numeric_class": "a"},
+        2: LOST,
+        3: {"jobs": []},
+        4: Refused(RejectReason.NOT_READY, "it knows no such question"),
+        5: {"jobs": [], "numeric_class": 5},
+        6: ["no document"],
+        7: {"jobs": [], "numeric_class": "x" * 100_000},
+    }
+
+    async def ask(address: str, _packet: object, _reply: object, *, timeout_s: float) -> JobStateReply:
+        assert timeout_s > 0
+        answer = answers[int(address.rpartition(".")[2])]
+        if isinstance(answer, ScenefoldError):
+            raise answer
+        return JobStateReply(job=ALL_JOBS, document=pack_value(cast(Value, answer)))
+
+    nodes = [NodeId(0x7F000000 + number) for number in answers]
+    heard = await heard_of(cast(Cluster, SimpleNamespace(calls=SimpleNamespace(ask=ask))), nodes)
+    assert heard.silent == {nodes[1]}
+    assert heard.classes == {nodes[0]: "a", nodes[2]: ""}

@@ -49,6 +49,7 @@ JOB = Job(
     mips=False,
     adaptive=Adaptive(0.1, 8),
     keeps=True,
+    moves=True,
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
@@ -160,7 +161,8 @@ def test_a_damaged_document_is_refused_or_another_job(place: int, damage: int) -
         found = Job.from_bytes(bytes(raw))
     except PeerFault:
         return
-    assert found != JOB
+    # In bytes, for -0.0 equals 0.0. No value of JOB is what is taken where a field is not there: its damaged name is one that is not known.
+    assert found.to_bytes() != JOB.to_bytes()
 
 
 def test_options_are_checked_one_by_one() -> None:

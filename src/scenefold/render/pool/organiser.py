@@ -475,8 +475,8 @@ def _check_kept(keep: Keep, digest: bytes, numeric_class: str) -> None:
     if keep.content != digest:
         raise LocalFault("the scene is not the one that the kept render is of, or was changed", where="resume", remedy=_ANEW)
     if keep.numeric_class != numeric_class:
-        what = f"the kept render is of the numeric class {keep.numeric_class:.60}, and the nodes render in {numeric_class:.60}"
-        raise LocalFault(what, where="resume", remedy=f"render with the same versions, or {_ANEW}")
+        what = f"the kept render is of the numeric class {keep.numeric_class:.80}, which is not that of the nodes"
+        raise LocalFault(what, where="resume", remedy=f"render with the same versions and processors, or {_ANEW}")
 
 
 def _boxes_of(tables: SceneTables) -> F64:

@@ -345,9 +345,10 @@ class Part:
         begun = host.world.clock.now()
         mine = self._renderer.numeric_class()
         if mine != job.numeric_class:
-            raise LocalFault(
-                f"this node renders in the numeric class {mine}, the job in {job.numeric_class}",
-                remedy="install the same versions on all nodes",
+            raise Refused(
+                RejectReason.NOT_READY,
+                f"this node renders in another numeric class than the job, {mine:.80}",
+                remedy="start the render again without this node, or have the same versions, and processors of one maker, on all nodes",
             )
         check_layers_written(self._renderer, job.layers)
         self._check_memory()

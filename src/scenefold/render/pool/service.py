@@ -166,6 +166,8 @@ class RenderService:
         if peer.startswith("user:") and packet.job == ALL_JOBS:
             mine = [(job, one) for job, one in self._organisers.jobs() if self._organisers.asker(job) == peer and not one.ends]
             state = {"jobs": [{"job": job, **one.row()} for job, one in mine]}
+            # Whoever only asks does not make a node load all that renders.
+            state["numeric_class"] = "" if self._renderer is None else self._renderer.numeric_class()
         elif peer.startswith("user:"):
             state = self._organiser(packet.job, peer).state()
         else:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
-from importlib import metadata
 from pathlib import Path
 from typing import Final
 
@@ -24,8 +23,6 @@ from scenefold.render.renderers.embree.tree_memory import MONITOR, TreeMemory
 ISA: Final = "avx2"
 BUILD_THREADS: Final = 2
 """That build trees. With one, a worker of oneTBB was seen to call sched_yield without end in each node of a pool; why is not known (docs/benchmarks.md)."""
-ARITHMETIC: Final = 6
-"""Of our own kernels: one more whenever a change of theirs changes the bits of an image."""
 
 _GEOMETRY_TRIANGLE = 0
 _GEOMETRY_INSTANCE = 121
@@ -47,6 +44,7 @@ _SIGNATURES: Final = {
     "rtcReleaseScene": (None, [_POINTER]),
     "rtcSetSceneFlags": (None, [_POINTER, ctypes.c_int]),
     "rtcCommitScene": (None, [_POINTER]),
+    "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
     "rtcNewGeometry": (_POINTER, [_POINTER, ctypes.c_int]),
     "rtcReleaseGeometry": (None, [_POINTER]),
     "rtcSetSharedGeometryBuffer": (
@@ -94,17 +92,6 @@ def _has_avx2() -> bool:
         return True
 
 
-@functools.cache
-def numeric_class() -> str:
-    """The class within which images are equal to the bit: Embree's version and instruction set, and our own arithmetic."""
-    library = _library()
-    device = library.rtcNewDevice(f"isa={ISA},threads={BUILD_THREADS}".encode())
-    version = int(library.rtcGetDeviceProperty(device, _PROPERTY_VERSION))
-    library.rtcReleaseDevice(device)
-    kernels = metadata.version("embreex")
-    return f"embree-{version // 10000}.{version // 100 % 100}.{version % 100}-{ISA}-embreex-{kernels}-kernels-{ARITHMETIC}"
-
-
 class Device:
     """One Embree device. Scenes made from it must be released before it is."""
 
@@ -131,6 +118,12 @@ class Device:
             raise NoRoomForTrees
         if code:
             raise LocalFault(f"Embree failed with error {code}", where=what, remedy="give the node more memory, or hold less geometry")
+
+    @property
+    def version(self) -> tuple[int, int, int]:
+        """Embree's."""
+        number = int(self._library.rtcGetDeviceProperty(self._device, _PROPERTY_VERSION))
+        return number // 10000, number // 100 % 100, number % 100
 
     def new_scene(self) -> int:
         """An empty scene with conservative ("robust") traversal: no ray slips between two triangles' boxes."""
@@ -178,9 +171,17 @@ class Device:
         """Build the scene's tree. Runs for a second per few million triangles: call it in a worker thread."""
         self._library.rtcCommitScene(scene)
 
-    def release(self, *scenes: int) -> None:
-        """Let go of scenes and then of the device; the device cannot be used any more."""
+    def intersect(self, scene: int, ray_hit: int) -> None:
+        """Cast one ray, without filters: `ray_hit` is the address of an RTCRayHit. Who has many calls Embree in a kernel (cast_kernels.py)."""
+        self._library.rtcIntersect1(scene, ray_hit, None)
+
+    def release_scenes(self, *scenes: int) -> None:
+        """Let go of scenes alone."""
         for scene in scenes:
             self._library.rtcReleaseScene(scene)
+
+    def release(self, *scenes: int) -> None:
+        """Let go of scenes and then of the device; the device cannot be used any more."""
+        self.release_scenes(*scenes)
         self._library.rtcReleaseDevice(self._device)
         self._device = None

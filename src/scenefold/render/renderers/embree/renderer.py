@@ -7,7 +7,7 @@ from typing import Any
 from scenefold.partition import Partition
 from scenefold.render.arrays import JobNumbers
 from scenefold.render.contract import HeldScene, Tracer, TreeBudget
-from scenefold.render.renderers.embree import library
+from scenefold.render.renderers.embree import numeric_class
 from scenefold.render.renderers.embree.geometry import HeldGeometry
 from scenefold.render.renderers.embree.tracer import EmbreeTracer
 from scenefold.render.renderers.embree.tree_memory import TreeMemory
@@ -39,7 +39,7 @@ class EmbreeRenderer:
 
     def numeric_class(self) -> str:
         """See `Renderer`."""
-        return library.numeric_class()
+        return numeric_class.numeric_class()
 
     def columns(self) -> SumColumns:
         """See `LayeredRenderer`."""
