@@ -114,6 +114,10 @@ class Placing:
                 await keeper.copies_changed_after(seen)
         raise Refused(RejectReason.NOT_READY, "who is to hold copies there is not settled yet", remedy="try again in a while")
 
+    def look_soon(self) -> None:
+        """There is something to place that was not there at the last look."""
+        self._wake.set()
+
     def _is_placed(self, layout: Layout) -> bool:
         copies, arc = self._parts.keeper.copies, self._parts.keeper.holding.arc
         if not layout or arc is None:

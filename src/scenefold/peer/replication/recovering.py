@@ -30,13 +30,14 @@ _log = logging.getLogger("scenefold.peer.replication")
 
 
 class Recovering:
-    """Used from the Trio thread only. `doubt`: told of a gap that is about to be recovered: nothing in it has settled yet."""
+    """Used from the Trio thread only. `doubt`: told of a gap that is about to be recovered: nothing in it has settled yet; `known`: told once one is."""
 
     def __init__(self, parts: Parts, note: Callable[[Sequence[Loss]], Awaitable[None]]) -> None:
         """`note`: keep durably what may be lost."""
         self._parts = parts
         self._note = note
         self.doubt: Callable[[Arc], object] = lambda _: None
+        self.known: Callable[[], object] = lambda: None
         self._askings: dict[Arc, Asking | None] = {}
         """Of each gap that is being recovered; None in a pause."""
         self._older: tuple[Arc, ...] = ()
@@ -125,6 +126,7 @@ class Recovering:
             self._looked_up = {location: None for location in self._looked_up if location not in gap}
         self._older = tuple(left for older in self._older for left in without(older, gap))
         self._parts.events["recovered"] += 1
+        self.known()
         where = f"{gap.first.hex()[:8]}..{gap.last.hex()[:8]}"
         if losses:
             _log.warning("not all that was acknowledged in %s may be known: %s", where, "; ".join(map(_in_words, losses)))

@@ -50,6 +50,8 @@ class Replication:
         self.health = Health(parts, roster, self.placing, self.healing, lambda: self.comparing.left, self.noting.documents)
         self.recovering = Recovering(parts, self.noting.note)
         self.recovering.doubt = self.spreading.doubt
+        # Who holds it, and is to hold it, answers for it no more until it is placed.
+        self.recovering.known = self.placing.look_soon
         reads = HoldingReads(parts, OwnerVersions(parts, self.spreading, self.recovering))
         self._looking = Looking(parts, roster, partial(self.spreading.merge, wait=False))
         self._holding = (HoldingCustody(parts, roster), HoldingRecords(parts), reads, self._looking, self.noting)

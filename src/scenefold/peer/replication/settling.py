@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
 
 import trio
 
@@ -13,10 +15,10 @@ from scenefold.crypto import Record
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.unsettled import Pending, first_unsettled, name_of
 from scenefold.peer.replication.judging import Judging
+from scenefold.peer.replication.sending_again import Place, SendingAgain, place_of
 from scenefold.store import Spot
 from scenefold.store.versions import version_of
-
-Place = tuple[SceneId, SpaceId, Arc]
+from scenefold.world import first_of
 
 
 class Settled:
@@ -26,6 +28,7 @@ class Settled:
         self._store = parts.store
         self._unsettled = parts.unsettled
         self._judging = judging
+        self._again = SendingAgain(parts, judging)
 
     async def records(self, spots: Sequence[Spot], found: Sequence[Record | DamagedData | None], until: float) -> bool:
         """Whether these records, which were just read there, may be told; waits for that.
@@ -40,7 +43,10 @@ class Settled:
             return False
         if await first_unsettled(self._pending(here), until) is not None:
             return False
-        return await self._undoubted([(*spot.place[:2], Arc(spot.home, spot.home)) for spot, _ in here], until)
+        if not self._unsettled.doubts:
+            return True
+        self._judging.doubt_turned()
+        return await self._undoubted([place_of(spot) for spot, _ in here], until, await self._again.send(here))
 
     async def place(self, spot: Spot, until: float) -> bool:
         """Whether it may be told that something lies there, as it was just found; waits for that."""
@@ -50,7 +56,7 @@ class Settled:
             return False
         if await first_unsettled(self._unsettled.of(name_of(spot)), until) is not None:
             return False
-        return await self._undoubted([(*spot.place[:2], Arc(spot.home, spot.home))], until)
+        return await self._undoubted([place_of(spot)], until)
 
     async def listed(self, scene: SceneId, space: SpaceId, arc: Arc, until: float) -> bool:
         """Whether a list of this part of the arc, which was just made, may be told; waits for that."""
@@ -83,15 +89,25 @@ class Settled:
                 found += [pending for pending in others if pending.version == version]
         return found
 
-    async def _undoubted(self, places: Sequence[Place], until: float) -> bool:
+    async def _undoubted(self, places: Sequence[Place], until: float, sent: Mapping[Place, Pending | None] = MappingProxyType({})) -> bool:
+        """Whether nothing there is doubted; waits for that. Of `sent` it is enough that they settle by themselves."""
         if not self._unsettled.doubts:
             return True
         self._judging.doubt_turned()
         doubted = [(self._judging.layout_of(scene, space), arc) for scene, space, arc in places]
+        alone = [(layout, place) for (layout, _), place in zip(doubted, places, strict=True) if place not in sent]
 
         def is_over() -> bool:
             return not any(layout is not None and self._unsettled.is_doubted(layout, arc) for layout, arc in doubted)
 
+        def are_others_over() -> bool:
+            return not any(layout is not None and self._unsettled.is_doubted(layout, arc) for layout, (_, _, arc) in alone)
+
+        async def settle() -> None:
+            await first_unsettled([pending for pending in sent.values() if pending is not None], until)
+            await self._unsettled.until(are_others_over)
+
         with trio.CancelScope(deadline=until):
-            await self._unsettled.until(is_over)
-        return is_over()
+            await first_of(settle, partial(self._unsettled.until, is_over))
+        settled = all(pending is None or pending.is_settled for pending in sent.values())
+        return is_over() or (settled and are_others_over())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import trio
@@ -12,14 +13,16 @@ from scenefold.base.cover import without
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
+from scenefold.peer.line import Line
 from scenefold.peer.line.ends import Side
 from scenefold.peer.records.verification import KnownScene
 from scenefold.wire import FetchHeld, Packet, ReturnRange
-from scenefold.world.sim import Point
+from scenefold.world import World
+from scenefold.world.sim import Point, run_simulated
 from unit.peer.line.street import places, rot
-from unit.peer.replication.heirs import Estate, Lies, held_of, inherit, places_of, spread, until
+from unit.peer.replication.heirs import Estate, Heir, Lies, held_of, inherit, places_of, spread, until
 from unit.peer.replication.holders import arc_of
-from unit.peer.replication.terrace import HEADER, OBJECTS, THRICE, item_of, object_record, record_at
+from unit.peer.replication.terrace import HEADER, OBJECTS, THRICE, Home, item_of, object_record, record_at
 from unit.peer.scenes_made import SPACE, later_header, sealed
 
 pytestmark = pytest.mark.usefixtures("only_errors")
@@ -431,3 +434,40 @@ def test_a_full_disk_puts_it_off() -> None:
         assert heir.places(SPACE) >= places_of(records)
 
     inherit(story)
+
+
+class Busy(Heir):
+    """One that also places, tells, compares and judges, as nodes do."""
+
+    def others(self, world: World, line: Line) -> list[Any]:
+        _, *others = super().others(world, line)
+        return [self.replication, *others]
+
+
+class Whole(Estate):
+    def house(self, number: int) -> Home:
+        return Busy(self, number)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_soon_after_it_is_recovered_a_place_is_told_without_doubt(seed: int) -> None:
+    """Its former holders answer for it no more from then on: whoever reads it waits for its owner."""
+
+    async def main() -> None:
+        estate = Whole(5)
+        async with trio.open_nursery() as nursery:
+            await estate.begin(nursery)
+            arc = await estate.entrust(2, 3)
+            records = spread(arc, 60)
+            for number in (2, 3):
+                await estate.homes[number].keep(*records)
+            await estate.bury(1)
+            heir = await estate.adopted(arc)
+            while heir.gaps:  # noqa: ASYNC110 - the disk tells nobody when it changes
+                await trio.sleep(0.01)
+            begin = trio.current_time()
+            assert await heir.read(records[0].header.location) == (1, False)
+            assert trio.current_time() - begin < 0.3
+            nursery.cancel_scope.cancel()
+
+    run_simulated(seed, main, virtual_s_max=500.0, wall_s_max=120.0)
