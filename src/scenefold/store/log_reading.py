@@ -56,7 +56,7 @@ def read_log(transaction: ReadTransaction, genesis: bytes, incarnation: bytes, a
 def _sound(transaction: ReadTransaction, genesis: bytes, above: int, damage: list[str]) -> Iterator[Decided]:
     """As far as there is no gap, and nothing has changed."""
     position = above
-    for key, stored in transaction.scan(LOGS, decided_key(genesis, above + 1), decided_key(genesis, POSITION_MAX)):
+    for key, stored in _rows_above(transaction, genesis, above):
         position += 1
         if position_of(key) != position:
             return
@@ -65,6 +65,12 @@ def _sound(transaction: ReadTransaction, genesis: bytes, above: int, damage: lis
         except DamagedData as error:
             damage.append(str(error))
             return
+
+
+def _rows_above(transaction: ReadTransaction, genesis: bytes, above: int) -> Iterator[tuple[bytes, memoryview]]:
+    """In their order. Whoever asks names the position, and above the highest one there is nothing."""
+    if above < POSITION_MAX:
+        yield from transaction.scan(LOGS, decided_key(genesis, above + 1), decided_key(genesis, POSITION_MAX))
 
 
 def _votes(genesis: bytes, stored: memoryview | None, damage: list[str]) -> Votes | None:
@@ -92,7 +98,7 @@ def read_decided(transaction: ReadTransaction, genesis: bytes, above: int, count
 def read_kept(transaction: ReadTransaction, genesis: bytes, above: int, count_max: int, bytes_max: int) -> Sequence[Decided]:
     """What is kept above a position, be there gaps or not; what has changed on the disk is left out."""
     found, size_bytes = list[Decided](), 0
-    for key, stored in transaction.scan(LOGS, decided_key(genesis, above + 1), decided_key(genesis, POSITION_MAX)):
+    for key, stored in _rows_above(transaction, genesis, above):
         if found and (len(found) >= count_max or size_bytes + len(stored) > bytes_max):
             break
         try:

@@ -16,7 +16,7 @@ import trio
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.peer.membership.evicting import Evicting
 from scenefold.peer.timing import LIFE_S, T_EVICT_S, T_LEASE_S, T_WAIT_S
-from scenefold.wire import RemoveNode, RemoveParticipant
+from scenefold.wire import DecidedLog, RemoveNode, RemoveParticipant, RequestSceneLog, Want
 from scenefold.wire.enrol_entries import Trust
 from scenefold.world.sim import run_simulated
 from unit.peer.log_cluster import LogCluster, log_cluster
@@ -171,6 +171,23 @@ def test_whom_one_voter_hears_is_not_removed_by_another_that_does_not() -> None:
         await trio.sleep(T_WAIT_S)
         with pytest.raises(Refused, match="busy"):
             await cluster.nodes[1].log.propose(RemoveNode(cluster.nodes[4].own.member, "silent"))
+
+    simulate(scenario)
+
+
+@pytest.mark.parametrize("ahead", [0, 1, 2**63, None])
+def test_who_claims_to_have_more_than_there_is_is_told_how_far_the_log_is(ahead: int | None) -> None:
+    """Anybody may ask, a user too, and says himself how much he has; None: the highest position that a packet can name."""
+
+    async def scenario(cluster: LogCluster) -> None:
+        await begun(cluster, 0, 1, 2)
+        voting, position = cluster.nodes[3].log.voting, cluster.nodes[3].log.registry.position
+        have = 2**64 - 1 if ahead is None else position + ahead
+        public = cluster.facts.genesis_header
+        for genesis in (public.genesis, b""):
+            packet = RequestSceneLog(public.scene, genesis, have, 0, Want.DECIDED, request_id=7)
+            answer = await voting.on_decided(packet, "user:ada")
+            assert answer is not None and answer.decided == DecidedLog(public.genesis, position, ())
 
     simulate(scenario)
 

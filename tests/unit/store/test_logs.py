@@ -16,7 +16,7 @@ from scenefold.store import LmdbDisk, Store, open_store
 from scenefold.store.checking import Helps, check_store
 from scenefold.store.layout import IDENTITY, LOGS, TABLES
 from scenefold.store.lmdb_reading import looked_at
-from scenefold.store.log_rows import StoredLog, Votes, decided_key, votes_key
+from scenefold.store.log_rows import POSITION_MAX, StoredLog, Votes, decided_key, votes_key
 from scenefold.store.logs import Beside
 from scenefold.world import WriteTransaction, offline_world
 from scenefold.world.ports import DiskFull
@@ -229,6 +229,15 @@ async def test_a_log_begins_behind_a_header_and_what_lies_before_is_passed_over(
         with pytest.raises(Refused):
             await store.begin_log(GENESIS, Votes(store.opened_as, 12), Beside())
         assert await store.kept_decisions(GENESIS, 0, 10, 1 << 20) == [decided(9)]
+
+
+async def test_above_the_highest_position_there_is_nothing(tmp_path: Path) -> None:
+    """Whoever asks what he lacks names a position, and may name any: there is none behind the last one to begin at."""
+    async with open_store(world(), tmp_path, NODE) as store:
+        await decide(store, 1, 2)
+        for above in (2, POSITION_MAX - 1, POSITION_MAX):
+            assert await store.decided(GENESIS, above, 10, 1 << 20) == []
+            assert await store.kept_decisions(GENESIS, above, 10, 1 << 20) == []
 
 
 async def test_the_names_of_all_logs_of_which_anything_is_kept(tmp_path: Path) -> None:
