@@ -15,7 +15,7 @@ from integration.clusters import PATIENCE_S, Nodes, links_of_user, nodes_here
 from integration.made_scenes import decider_of, scene_in
 from loopback import addresses, free_ports
 from scenefold.base.errors import Refused, Unreachable
-from scenefold.base.ids import NodeId, SceneId, SpaceId
+from scenefold.base.ids import KeyId, NodeId, SceneId, SpaceId
 from scenefold.base.location import FIRST, LAST, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import EXPECTS_ANYTHING, EXPECTS_NOTHING
@@ -199,7 +199,7 @@ async def check_forgeries(user: User) -> None:
         replace(good, location=place_in(user.nodes, 0, offset=21)),
         offered(sealed(user.scene, STRANGER, location=place)),
         offered(sealed(user.scene, location=place, space=SpaceId(77))),
-        offered(sealed(scene_in(user.nodes.profile, write_floor=5), location=place)),
+        offered(sealed(scene_in(user.nodes.profile, private_key=KeyId(5)), location=place)),
     ) == [
         RejectReason.SIGNATURE_INVALID,
         RejectReason.SIGNATURE_INVALID,
@@ -238,8 +238,8 @@ async def check_scenes(user: User) -> None:
     again = await user.create(user.scene, node=1)
     assert isinstance(again, AcceptSceneProposal), "announcing it again is harmless"
     for bent, reason in (
-        (replace(scene_in(user.nodes.profile, write_floor=9), signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
-        (later_header(scene_in(user.nodes.profile, write_floor=8)), RejectReason.UNKNOWN_SCENE_OR_SPACE),
+        (replace(scene_in(user.nodes.profile, private_key=KeyId(9)), signature=bytes(64)), RejectReason.SIGNATURE_INVALID),
+        (later_header(scene_in(user.nodes.profile, private_key=KeyId(8))), RejectReason.UNKNOWN_SCENE_OR_SPACE),
         (first_header(origin=NodeId(9)), RejectReason.NOT_AUTHORISED),
         (first_header(WRITER, decider, origin=user.scene.origin), RejectReason.NOT_AUTHORISED),
         (later_header(user.scene, decider=decider, position=3), RejectReason.ILL_FORMED),

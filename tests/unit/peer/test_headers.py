@@ -98,7 +98,8 @@ def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reaso
     "header, reason",
     [
         (FIRST, RejectReason.POSITION_BEHIND),
-        (later_header(FIRST, write_floor=3, key_epoch=1), RejectReason.POSITION_TAKEN),
+        (later_header(FIRST, write_floor=2, key_epoch=2), RejectReason.POSITION_TAKEN),
+        (later_header(FIRST, position=3, write_floor=4, key_epoch=1), RejectReason.ILL_FORMED),
         (later_header(FIRST, position=3, write_floor=0), RejectReason.POSITION_BEHIND),
         (later_header(FIRST, STRANGER, position=3, public_key=STRANGER.key_id), RejectReason.NOT_AUTHORISED),
         (later_header(FIRST, position=3, origin=NodeId(2)), RejectReason.NOT_AUTHORISED),
@@ -120,6 +121,7 @@ def test_what_does_not_vouch_for_itself_is_refused(header: SceneLogPublic, reaso
     ids=[
         "older",
         "same position otherwise",
+        "a floor from the future",
         "floor sinks",
         "another header key",
         "another origin",

@@ -78,6 +78,7 @@ REFUSED: dict[str, tuple[Bend, RejectReason]] = {
     "out of order": (lambda it, new: replace(new.header, participants=(node(9), *new.header.participants)), RejectReason.ILL_FORMED),
     "a participant observes": (lambda it, new: replace(new.header, observers=(node(2),)), RejectReason.ILL_FORMED),
     "another log": (lambda it, new: replace(new.header, log_hash=bytes(32)), RejectReason.ILL_FORMED),
+    "a write floor from the future": (lambda it, new: replace(new.header, write_floor=new.header.position + 1), RejectReason.ILL_FORMED),
     "the write floor sinks": (lambda it, new: replace(new.header, write_floor=0), RejectReason.POSITION_BEHIND),
     "another origin": (lambda it, new: replace(new.header, origin=NodeId(9)), RejectReason.NOT_AUTHORISED),
     "another maker": (lambda it, new: replace(new.header, writers=()), RejectReason.ILL_FORMED),

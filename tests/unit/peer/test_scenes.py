@@ -12,7 +12,7 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import DamagedData, NotReached, Refused, Unreachable
-from scenefold.base.ids import NodeId, address_of
+from scenefold.base.ids import KeyId, NodeId, address_of
 from scenefold.base.limits import SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import SealingKey, SigningKey
@@ -387,7 +387,7 @@ async def test_while_the_node_that_decides_is_away_others_are_believed(autojump_
 def made_by(maker: SigningKey, number: int) -> SceneLogPublic:
     """The scene of this number by a user."""
     keys = tuple(KeyEntry(1, key.public.raw) for key in (HEADER_KEY, maker))
-    return first_header(maker, origin=ME, write_floor=number, keys=keys, writers=(WriterEntry(maker.key_id, 1, FOR_EVER),))
+    return first_header(maker, origin=ME, private_key=KeyId(number), keys=keys, writers=(WriterEntry(maker.key_id, 1, FOR_EVER),))
 
 
 async def reason_of(rig: Rig, public: SceneLogPublic) -> RejectReason | None:
@@ -420,7 +420,7 @@ async def test_at_several_nodes_at_once_a_user_makes_no_more_scenes(autojump_clo
 async def test_what_a_member_decides_in_a_users_name_costs_the_user_nothing(origin: NodeId, autojump_clock: MockClock) -> None:
     rig, liar = Rig(), SigningKey.generate()
     for number in range(SCENES_PER_USER_MAX):
-        in_adas_name = first_header(STRANGER, liar, origin=origin, write_floor=number)
+        in_adas_name = first_header(STRANGER, liar, origin=origin, private_key=KeyId(number))
         await rig.scenes.on_push(pushed(in_adas_name), NODE)
     assert len(rig.scenes.all()) == SCENES_PER_USER_MAX
     assert await reason_of(rig, FIRST) is None

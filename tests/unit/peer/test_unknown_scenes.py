@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from trio.testing import MockClock
 
 from scenefold.base.errors import Refused
-from scenefold.base.ids import NodeId, SceneId
+from scenefold.base.ids import KeyId, NodeId, SceneId
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.records.writes import SCENES_MAX
 from scenefold.peer.scene_log.pull import MISS_S
@@ -177,7 +177,7 @@ async def large(scenes: int) -> tuple[Rig, list[SceneLogPublic]]:
     """A node in a cluster of 101 that knows so many scenes, as all others do."""
     rig = Rig()
     rig.peers.members = [NodeId(number) for number in range(2, 102)]
-    known = [first_header(origin=OTHER, write_floor=number) for number in range(scenes)]
+    known = [first_header(origin=OTHER, private_key=KeyId(number)) for number in range(scenes)]
     for header in known:
         await rig.scenes.adopt(header)
         rig.peers.headers[header.scene] = header

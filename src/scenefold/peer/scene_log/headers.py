@@ -42,12 +42,7 @@ def checked_proposal(public: SceneLogPublic, known: KnownScene | None) -> KnownS
         raise Refused(RejectReason.ILL_FORMED, "the scene id is not the beginning of its genesis hash")
     if public.position <= FIRST_POSITION and public.with_genesis() != public:
         raise Refused(RejectReason.ILL_FORMED, "the genesis is not the hash of this first header")
-    if public.purged > public.write_floor:
-        raise Refused(RejectReason.ILL_FORMED, "what was signed before the purge began could still be written")
-    if public.mode is SceneMode.ENDED and not FIRST_POSITION < public.position == public.write_floor:
-        raise Refused(RejectReason.ILL_FORMED, "a scene ends at the position of its last header, and not at its first one")
-    if any(not entry.parent and entry.offset.number > public.position for entry in public.spaces):
-        raise Refused(RejectReason.ILL_FORMED, "copies changed at a position that the log has not come to")
+    _check_positions(public)
     unfit = unlawful(public.participants, public.observers)
     if unfit:
         raise Refused(RejectReason.ILL_FORMED, unfit)
@@ -68,6 +63,20 @@ def checked_proposal(public: SceneLogPublic, known: KnownScene | None) -> KnownS
     except DamagedData as problem:
         raise Refused(RejectReason.SIGNATURE_INVALID, str(problem)) from problem
     return scene
+
+
+def _check_positions(public: SceneLogPublic) -> None:
+    """Refused (5) for one that bears a position which it cannot have, whatever is known of the scene."""
+    if public.write_floor > public.position:
+        raise Refused(
+            RejectReason.ILL_FORMED, "the write floor is a position that the log has not come to: nothing could be written any more"
+        )
+    if public.purged > public.write_floor:
+        raise Refused(RejectReason.ILL_FORMED, "what was signed before the purge began could still be written")
+    if public.mode is SceneMode.ENDED and not FIRST_POSITION < public.position == public.write_floor:
+        raise Refused(RejectReason.ILL_FORMED, "a scene ends at the position of its last header, and not at its first one")
+    if any(not entry.parent and entry.offset.number > public.position for entry in public.spaces):
+        raise Refused(RejectReason.ILL_FORMED, "copies changed at a position that the log has not come to")
 
 
 def _check_alone(public: SceneLogPublic) -> PublicKey:
