@@ -7,6 +7,7 @@ that they hold.
 
 from __future__ import annotations
 
+import gc
 import os
 import statistics
 import time
@@ -144,6 +145,7 @@ async def bench_store(bench: StoreBench, profile: str | None, nodes: int, ports:
             cluster = await stack.enter_async_context(connect(own.profile))
         else:
             cluster = await stack.enter_async_context(connected(profile))
+        gc.freeze()  # as in `connected`
         # Its own spaces stay empty: nodes shall place holders for what is measured alone.
         scene = await cluster.scenes.create(f"bench-{os.urandom(4).hex()}", copies=1)
         options: SpaceOptions = {"copies": bench.copies}
