@@ -63,5 +63,7 @@ def trust(
     warning = (
         "It decides the cluster's log and has read the authority's key: its owner could trust it again." if withdraw and is_voter else ""
     )
+    # Participants cannot read what they decide, so trust is asked for when they are chosen, and not at each vote.
+    todo = f"Scenes that it decides it goes on deciding, without reading them: scenectl scene relieve {address}" if withdraw else ""
     document = {"address": address.text, "trusted": not withdraw, "warning": warning}
-    emit(output, document, f"Node {address} {words}." + (f"\n{warning}" if warning else ""))
+    emit(output, document, "\n".join(filter(None, [f"Node {address} {words}.", warning, todo])))

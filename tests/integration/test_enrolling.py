@@ -209,6 +209,7 @@ def test_a_trusted_node_enrols_without_the_one_that_was_trusted_first(
     # From now on the first one may lose its trust, and the key that was sealed to it serves for nothing.
     withdrawn = scenectl("cluster", "trust", FOUNDERS[0], "--withdraw", profile=profile)
     assert withdrawn.code == 0, withdrawn.err
+    assert f"scene relieve {FOUNDERS[0]}" in withdrawn.out.decode(), "it decides scenes all the same"
     assert scenectl("cluster", "join", token_for(profile, "--user", "fred"), profile=tmp_path / "fred").code == 0
     last = scenectl("cluster", "trust", FOUNDERS[1], "--withdraw", profile=profile)
     assert last.code == 4 and "only trusted node" in last.error

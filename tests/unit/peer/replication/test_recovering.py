@@ -16,6 +16,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.peer.line import Line
 from scenefold.peer.line.ends import Side
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.replication import recovering_hearing
 from scenefold.wire import FetchHeld, Packet, ReturnRange
 from scenefold.world import World
 from scenefold.world.sim import Point, run_simulated
@@ -287,6 +288,37 @@ def test_what_a_slow_node_has_is_asked_for_in_smaller_parts() -> None:
         await until(lambda: not heir.gaps, 200.0)
         assert heir.places(SPACE) >= places_of(records)
         assert not heir.living.events["named, not delivered"]
+
+    inherit(story)
+
+
+def test_records_flow_in_parts_of_what_may_be_moved_in_a_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A frame full of them at a time keeps two nodes from all else for as long as it takes to send and to verify it."""
+    monkeypatch.setattr(recovering_hearing, "FETCH_BYTES_MIN", 2_000)
+
+    async def story(estate: Estate) -> None:
+        arc = arc_of(estate.owner)
+        heir, teller = estate.homes[2], estate.homes[3]
+        records = spread(arc, 40, space=SPACE)
+        await teller.keep(*records)
+        heir.living.parts.budget.bytes_per_s = 8_000
+        asked = list[int]()
+        fetch, senders = teller.handlers._table[FetchHeld]
+
+        async def fetched(packet: FetchHeld, peer: str) -> Packet:
+            asked.append(len(packet.entries))
+            answer: Packet = await fetch(packet, peer)
+            return answer
+
+        teller.handlers._table[FetchHeld] = fetched, senders
+        await estate.bury(1)
+        assert await estate.adopted(arc) is heir
+        await until(lambda: not heir.gaps, 200.0)
+        assert heir.places(SPACE) >= places_of(records)
+        # How large they are is not known at first: one may be as large as any.
+        size = sum(len(record.ciphertext) + len(record.header_bytes) + len(record.signature) for record in records) / len(records)
+        assert asked[0] == 1 and sum(asked) == len(records)
+        assert max(asked) * size <= 2_000 < (max(asked) + 1) * size
 
     inherit(story)
 
