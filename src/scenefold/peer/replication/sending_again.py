@@ -39,14 +39,19 @@ class SendingAgain:
         As it was read, that is: what is there by now has come since, and is pending.
         """
         found: dict[Place, Pending | None] = {}
-        doubted = [(spot, record, layout) for spot, record in here if (layout := self._layout_of(spot))]
+        doubted = [(spot, record) for spot, record in here if self._layout_of(spot)]
         if not doubted:
             return found
-        owed = await self._parts.store.debtors_of([spot for spot, _, _ in doubted])
+        owed = await self._parts.store.debtors_of([spot for spot, _ in doubted])
         self._sent = {pending for pending in self._sent if not pending.is_settled}
-        for (spot, record, layout), debtors in zip(doubted, owed, strict=True):
+        for (spot, record), debtors in zip(doubted, owed, strict=True):
+            # Once more: it may have been given away since, or have come to another layout. What is doubted still is given to nobody.
+            layout = self._layout_of(spot)
+            if not layout:
+                continue
             version = version_of(record.header_bytes)
-            same = next((one for one in self._parts.unsettled.of(name_of(spot)) if one.version == version), None)
+            # What is not stored may be dropped, as it is here already: that says nothing of who has it.
+            same = next((one for one in self._parts.unsettled.of(name_of(spot)) if one.version == version and one.is_stored), None)
             if same is not None:
                 found[place_of(spot)] = same
                 continue

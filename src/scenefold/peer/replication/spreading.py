@@ -256,7 +256,11 @@ class Spreading:
         for (index, pending), debtors in zip(repeated, owed, strict=True):
             rule = self._judging.rule_at(pending.layout, pending.spot)
             again = replace(pending, debtors=frozenset(debtors), have=set(pending.have), is_stored=True, is_settled=False, settled=None)
-            if not self._same(pending) and (rule is None or not self._judging.is_settled(again, rule)):
+            # Others may write the same again, or read it, at this moment. What is not stored may be dropped, and settles nothing by that.
+            same = [other for other in self._same(pending) if other.is_stored]
+            if same:
+                waits.append(_Wait(index, same))
+            elif rule is None or not self._judging.is_settled(again, rule):
                 # Whatever else is pending there was given to the store since.
                 self._unsettled.add(again, is_oldest=True)
                 self._judging.send(again)

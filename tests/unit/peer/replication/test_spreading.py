@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -16,7 +17,7 @@ from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication import lane, sending_again
 from scenefold.peer.replication.batch_size import BATCH_BYTES_MIN
 from scenefold.peer.replication.placing_wishes import Shortage
-from scenefold.store import Outcome, Put, PutResult
+from scenefold.store import Outcome, Put, PutResult, Spot
 from scenefold.wire import GetMany, Packet, PutOutcome, RecordKey, StoreCopies
 from scenefold.world import Priority
 from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, object_record, record_at
@@ -403,6 +404,101 @@ def test_what_is_not_recovered_is_not_sent_to_anybody() -> None:
         keeper = row.owner.living.parts.keeper
         await keeper.change_copies(lambda copies, _: replace(copies, unrecovered=(row.arc,)))
         assert (await row.read(place)).stale
+        assert len(row.owner.living.parts.unsettled) == 0
+
+    in_a_row(story)
+
+
+def slowly(monkeypatch: pytest.MonkeyPatch, row: Row, seconds: float) -> None:
+    """The next one who asks the owner's store who is owed what gets the answer so late."""
+    store, late = row.owner.living.parts.store, iter([seconds])
+    debtors_of = store.debtors_of
+
+    async def asked(spots: Sequence[Spot]) -> list[tuple[NodeId, ...]]:
+        found = await debtors_of(spots)
+        await trio.sleep(next(late, 0.0))
+        return found
+
+    monkeypatch.setattr(store, "debtors_of", asked)
+
+
+def test_the_same_again_is_not_acknowledged_because_somebody_reads_it_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What he reads is sent, and is no more settled by that than by the write."""
+
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        (place,) = row.places(1)
+        record = row.next_at(place)
+        await row.owner.living.parts.store.put([Put(record)])
+        await doubted(row, 1, 2)
+        row.cut_off(1, 2)
+        slowly(monkeypatch, row, 0.3)
+        outcomes: list[PutOutcome] = []
+
+        async def write() -> None:
+            outcomes.extend(await row.put(record))
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(write)
+            await trio.sleep(0.15)
+            assert (await row.read(place)).stale
+            assert not outcomes
+            row.mend(1, 2)
+        assert [outcome.reason for outcome in outcomes] == [0]
+
+    in_a_row(story)
+
+
+def test_what_is_read_is_not_told_because_somebody_writes_the_same_again_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That it was not stored once more settles nothing."""
+
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        (place,) = row.places(1)
+        record = row.next_at(place)
+        await row.owner.living.parts.store.put([Put(record)])
+        await doubted(row, 1, 2)
+        row.cut_off(1, 2)
+        slowly(monkeypatch, row, 0.3)
+        store = row.owner.living.parts.store
+        put = store.put
+
+        async def put_late(puts: Sequence[Put], debtors: Sequence[Sequence[NodeId]]) -> list[PutResult]:
+            await trio.sleep(0.5)
+            return await put(puts, debtors)
+
+        monkeypatch.setattr(store, "put", put_late)
+
+        async def read() -> None:
+            assert (await row.read(place)).stale
+            assert row.copies_of(record) == 1
+            row.mend(1, 2)
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(read)
+            await trio.sleep(0.1)
+            await row.put(record)
+
+    in_a_row(story)
+
+
+def test_what_is_given_away_while_somebody_reads_it_is_sent_to_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would be pending as long as this node runs."""
+
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        (place,) = row.places(1)
+        await row.put(row.next_at(place))
+        await until(lambda: not row.owner.debts())
+        await doubted(row, 1, 2)
+        slowly(monkeypatch, row, 0.5)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(row.read, place)
+            await trio.sleep(0.1)
+            await row.change(lambda found: replace(found, segments=()))
+            unsettled = row.owner.living.parts.unsettled
+            for doubt in unsettled.doubts:
+                unsettled.clear(doubt.layout, doubt.arc, doubt.rules)
         assert len(row.owner.living.parts.unsettled) == 0
 
     in_a_row(story)
