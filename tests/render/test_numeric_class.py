@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from scenefold.base.errors import LocalFault
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.render.job import RenderOptions
@@ -111,3 +112,19 @@ async def test_a_node_of_another_class_ends_the_job_and_says_its_class_to_whoeve
         assert {classes[node] for node in others} == {numeric_class.numeric_class()}
         _, state = await pool.render(6, OPTIONS, others)
         assert state["numeric_class"] == numeric_class.numeric_class()
+
+
+async def test_a_node_that_cannot_render_tells_of_its_jobs_all_the_same(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else nobody could list renders on any node, once this one was asked to take part in one."""
+
+    class Lame(EmbreeRenderer):
+        def numeric_class(self) -> str:
+            raise LocalFault("this processor lacks AVX2", remedy="render on nodes with AVX2")
+
+    monkeypatch.setattr(service, "load_renderer", lambda _: Lame())
+    async with memory_pool(offline_world(), room, 1) as pool:
+        (node,) = pool.nodes
+        state = await pool.until(5, await pool.start(5, OPTIONS), "failed")
+        assert "AVX2" in state["failure"]
+        reply = await pool.ask(node, JobState(job=ALL_JOBS))
+        assert class_told(reply.document, address_of(node)) == ""

@@ -9,7 +9,7 @@ from typing import Any, TypeVarTuple
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError
+from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import node_named
@@ -166,8 +166,7 @@ class RenderService:
         if peer.startswith("user:") and packet.job == ALL_JOBS:
             mine = [(job, one) for job, one in self._organisers.jobs() if self._organisers.asker(job) == peer and not one.ends]
             state = {"jobs": [{"job": job, **one.row()} for job, one in mine]}
-            # Whoever only asks does not make a node load all that renders.
-            state["numeric_class"] = "" if self._renderer is None else self._renderer.numeric_class()
+            state["numeric_class"] = self._class_of_renderer()
         elif peer.startswith("user:"):
             state = self._organiser(packet.job, peer).state()
         else:
@@ -280,6 +279,14 @@ class RenderService:
         if self._renderer is None:
             self._renderer = load_renderer(self._renderer_name)
         return self._renderer
+
+    def _class_of_renderer(self) -> str:
+        """Empty if none is loaded, for whoever only asks makes no node load all that renders; and if it can render nothing here."""
+        try:
+            return "" if self._renderer is None else self._renderer.numeric_class()
+        except LocalFault:
+            # Whoever gives it a job hears why. This one asks about others.
+            return ""
 
     def _part(self, job: int) -> Part:
         part = self._parts.get(job)
