@@ -449,6 +449,32 @@ def test_the_same_again_is_not_acknowledged_because_somebody_reads_it_meanwhile(
     in_a_row(story)
 
 
+def test_the_same_twice_at_once_is_acknowledged_to_neither_before_it_is_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def story(row: Row) -> None:
+        await row.hold(1, 2)
+        (place,) = row.places(1)
+        record = row.next_at(place)
+        await row.owner.living.parts.store.put([Put(record)])
+        await doubted(row, 1, 2)
+        row.cut_off(1, 2)
+        slowly(monkeypatch, row, 0.3)
+        outcomes: list[PutOutcome] = []
+
+        async def write() -> None:
+            outcomes.extend(await row.put(record))
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(write)
+            await trio.sleep(0.15)
+            nursery.start_soon(write)
+            await trio.sleep(2.0)
+            assert not outcomes
+            row.mend(1, 2)
+        assert [outcome.reason for outcome in outcomes] == [0, 0]
+
+    in_a_row(story)
+
+
 def test_what_is_read_is_not_told_because_somebody_writes_the_same_again_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     """That it was not stored once more settles nothing."""
 
