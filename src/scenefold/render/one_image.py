@@ -101,6 +101,14 @@ class OneImage:
                 "none of the nodes that may render answers", where=", ".join(map(address_of, sorted(silent))), remedy="start them"
             )
         wanted = "" if self._keeper is None else self._keeper.keep.numeric_class
+        said = set(filter(None, classes.values()))
+        if silent and wanted and said and wanted not in said:
+            # What is kept goes on in its own class alone, and who renders in that may be back in a moment.
+            raise Unreachable(
+                "none of the nodes that could go on from the kept render answers",
+                where=", ".join(map(address_of, sorted(silent))),
+                remedy="start them",
+            )
         chosen = renderers.without(silent).of_one_class(classes, wanted)
         return self._choice(chosen, identity, frozenset({*renderers.nodes} - {*chosen.nodes}))
 

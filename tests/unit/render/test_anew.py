@@ -19,7 +19,9 @@ from scenefold.render.anew import BEGUN_MAX, CHOOSE_S_MAX, PAUSE_S, VAIN_MAX, He
 from scenefold.render.choice import OTHER_CLASS, SILENT, LeftOut, Renderers
 from scenefold.render.job import RenderOptions
 from scenefold.render.one_image import OneImage
+from scenefold.render.pool.request import Keep
 from scenefold.render.pool.unattended import ALL_JOBS
+from scenefold.render.watch import Keeper
 from scenefold.wire import JobStateReply, Value, pack_value
 from unit.peer.village import TrioClock
 
@@ -133,6 +135,14 @@ async def test_who_renders_in_another_class_than_most_is_left_out_and_so_the_ren
     choice = await chooser.image.choose_again()
     assert choice.renderers.nodes == (2, 3) and choice.without == {1} and choice.organiser in (2, 3)
     assert choice.renderers.left_out == (LeftOut(NodeId(1), OTHER_CLASS),)
+
+
+async def test_what_is_kept_waits_for_who_renders_in_its_class(monkeypatch: pytest.MonkeyPatch, autojump_clock: MockClock) -> None:
+    """With the others it would end for good, as they cannot go on from it."""
+    chooser = Chooser(monkeypatch, [Renderers(KEYS)] * 2, [{1}, set()], {1: "kept", 2: "other", 3: "other"})
+    chooser.image._keeper = cast(Keeper, SimpleNamespace(keep=Keep(4, bytes(32), "kept")))
+    choice = await chooser.image.choose_again()
+    assert choice.renderers.nodes == (1,) and choice.without == {2, 3}
 
 
 @pytest.mark.parametrize(
