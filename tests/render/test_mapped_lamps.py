@@ -20,6 +20,8 @@ from scenefold.scene.importers.source import MeshPart, SourceScene, SourceTextur
 from scenefold.scene.payloads.materials import Material
 from scenefold.scene.payloads.texture_uses import TextureUse
 
+pytestmark = pytest.mark.timeout(300)  # a busy machine took two minutes
+
 HEIGHT, REACH = 0.6, 0.4
 EMISSIVE = np.array([5.0, 4.0, 3.0])
 TEXELS = np.zeros((1, 2, 4), np.uint8)
