@@ -15,7 +15,6 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import address_of
-from scenefold.base.limits import CIPHERTEXT_BYTES_MAX
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.entries import Entry
@@ -31,9 +30,6 @@ from scenefold.world import Priority
 
 PAGE_RECORDS = 1024
 FETCH_RECORDS = 256
-FETCH_S = 0.25
-FETCH_BYTES_MIN, FETCH_BYTES_MAX = 64 * 1024, 4 * 1024 * 1024
-"""Records are fetched in parts of as many bytes as may be moved in `FETCH_S`, so that they flow, and do not come in bursts that two nodes are busy with."""
 FEWER = 4
 """After an answer that did not come so many times fewer records are asked for at once."""
 LIST_S_MAX = 10.0
@@ -61,8 +57,6 @@ class Hearing:
         self._patience = Patience()
         self._at_once = FETCH_RECORDS
         """Fewer of one whose answers do not come in time: what is sound and on its way must not count as not held."""
-        self._usual_bytes = float(CIPHERTEXT_BYTES_MAX)
-        """Of a record of this node: how large they are is known only once some have come."""
         self.is_silent = False
         """Whether it did not answer when it was asked last."""
 
@@ -145,7 +139,7 @@ class Hearing:
         with trio.move_on_after(BRING_S_MAX):
             named = list(map(_entry_of, wanted))
             while named:
-                batch = named[: min(self._at_once, self._part_records)]
+                batch = named[: self._at_once]
                 try:
                     request = FetchHeld(tuple(batch))
                     reply = await self._parts.peers.ask(self._teller.node, Priority.LOW, request, HeldFetched, FETCH_S_MAX)
@@ -161,11 +155,6 @@ class Hearing:
                 denied.update(rotten)
                 named = named[answered:]
         return denied
-
-    @property
-    def _part_records(self) -> int:
-        part_bytes = min(max(self._parts.budget.bytes_per_s * FETCH_S, FETCH_BYTES_MIN), FETCH_BYTES_MAX)
-        return max(1, int(part_bytes / self._usual_bytes))
 
     async def _take(self, items: Sequence[HandItem]) -> list[RecordEntry]:
         """Keep what is sound and lies in the arc by its home; whatever else came, was not asked for. Of what is not sound the names.
@@ -189,8 +178,6 @@ class Hearing:
             self._roll.note_husk(husk)
         size_bytes = sum(len(item.header) + len(item.signature) + len(item.ciphertext) for item in items)
         self._parts.events["recovered bytes"] += size_bytes
-        if items:
-            self._usual_bytes = size_bytes / len(items)
         if self._arc.first == self._arc.last:
             # Somebody waits for this place.
             self._parts.budget.charge(size_bytes)
