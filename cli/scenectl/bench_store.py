@@ -143,9 +143,9 @@ async def bench_store(bench: StoreBench, profile: str | None, nodes: int, ports:
             more: dict[str, Any] = {"module": bench_weather.NODE, "options": bench_weather.OPTIONS} if bench.weather else {}
             own = await stack.enter_async_context(local_cluster(nodes, ports=ports, **more))
             cluster = await stack.enter_async_context(connect(own.profile))
+            gc.freeze()  # as in `connected`
         else:
             cluster = await stack.enter_async_context(connected(profile))
-        gc.freeze()  # as in `connected`
         # Its own spaces stay empty: nodes shall place holders for what is measured alone.
         scene = await cluster.scenes.create(f"bench-{os.urandom(4).hex()}", copies=1)
         options: SpaceOptions = {"copies": bench.copies}

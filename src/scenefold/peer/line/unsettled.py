@@ -8,7 +8,7 @@ in a *doubted* part of the arc is all unsettled, whoever wrote it and when.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -62,6 +62,13 @@ class Pending:
     """Who has what is left of it, since nobody has its bytes any more: none of them says that something older is there."""
     settled: trio.Event | None = None
     """Made by who waits first."""
+
+    @classmethod
+    def of_stored(
+        cls, spot: Spot, version: bytes, layout: Layout, needed: int, debtors: Iterable[NodeId], me: Member, size: int
+    ) -> Pending:
+        """Of what is on the disk, and no client waits for."""
+        return cls(spot, version, layout, needed, frozenset(debtors), {me}, size, is_write=False, is_stored=True)
 
     @property
     def home(self) -> Location:

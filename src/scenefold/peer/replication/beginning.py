@@ -59,9 +59,8 @@ class Beginning:
         layout = known.layouts.get(space, ())
         if not layout or any(pending.version == debt.version for pending in self._unsettled.of(name_of(debt.spot))):
             return
-        me = self._parts.own.member
-        pending = Pending(debt.spot, debt.version, layout, known.needed[space], frozenset(debt.nodes), {me}, CIPHERTEXT_BYTES_MAX)
-        pending.is_write, pending.is_stored = False, True
+        needed, me = known.needed[space], self._parts.own.member
+        pending = Pending.of_stored(debt.spot, debt.version, layout, needed, debt.nodes, me, CIPHERTEXT_BYTES_MAX)
         rule = self._judging.rule_at(layout, debt.spot)
         if rule is None or not self._judging.is_settled(pending, rule):
             # Whatever else is pending there was given to the store since.

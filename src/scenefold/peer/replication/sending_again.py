@@ -1,4 +1,4 @@
-"""What is read in a doubted part of the arc settles by itself, before all of that does (specs/20-copies.md, Writes).
+"""What is read in a doubted part of the arc settles by itself, before all of that does (specs/20-copies.md, Recovery).
 
 After an adoption nobody knows who has what there, and until all holders were compared all of it is doubted. What somebody reads meanwhile is
 sent to its holders once more, like what a client writes again: it may be told once enough of them have said that they have it.
@@ -55,18 +55,10 @@ class SendingAgain:
             if same is not None:
                 found[place_of(spot)] = same
                 continue
-            needed = self._parts.scenes.here(spot.place.scene)
-            assert needed is not None  # or there was no layout
-            pending = Pending(
-                spot,
-                version,
-                layout,
-                needed.needed[spot.place.space],
-                frozenset(debtors),
-                {self._parts.own.member},
-                len(record.ciphertext) or CIPHERTEXT_BYTES_MAX,
-            )
-            pending.is_write, pending.is_stored = False, True
+            known = self._parts.scenes.here(spot.place.scene)
+            assert known is not None  # or there was no layout
+            needed, size = known.needed[spot.place.space], len(record.ciphertext) or CIPHERTEXT_BYTES_MAX
+            pending = Pending.of_stored(spot, version, layout, needed, debtors, self._parts.own.member, size)
             rule = self._judging.rule_at(layout, spot)
             if rule is not None and self._judging.is_settled(pending, rule):
                 found[place_of(spot)] = None

@@ -29,7 +29,7 @@ from scenefold.render.pool.member import Member
 from scenefold.render.pool.moving import Moving
 from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
 from scenefold.render.pool.roster import Roster
-from scenefold.render.pool.share import FILM_LANE
+from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
 from scenefold.wire import AcknowledgeRays, CollectPass, JobAnswer, Packet, PassCounts, PassSums, SendRays, Value
 from scenefold.world import DiskFailed, QuietLog
@@ -343,7 +343,7 @@ class Part:
     async def _prepare(self) -> None:
         host, job = self._host, self.job
         begun = host.world.clock.now()
-        mine = self._renderer.numeric_class()
+        mine = await host.world.workers.run(LANE, self._renderer.numeric_class)
         if mine != job.numeric_class:
             raise Refused(
                 RejectReason.NOT_READY,
