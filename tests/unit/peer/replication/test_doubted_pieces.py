@@ -9,18 +9,69 @@ import pytest
 import trio
 
 from scenefold.base.ids import NodeId
+from scenefold.base.location import Location
+from scenefold.crypto import Record
 from scenefold.peer.replication import sending_again
 from scenefold.store import Put, PutResult, Spot
-from scenefold.wire import PutOutcome
+from scenefold.wire import GetMany, PutOutcome, RecordKey
+from unit.peer.replication.terrace import HEADER, SPACE, record_at
 from unit.peer.replication.writers import Row, as_bytes, compared, in_a_row, until
 
 
-async def doubted(row: Row, *holders: int) -> None:
-    """As if it had adopted the piece: nobody is compared. These are to hold it now, and know that."""
+async def adopted(row: Row, *holders: int) -> None:
+    """As if it had adopted the piece: nobody is compared. These are to hold it now."""
     await row.place(*holders)
     await row.change(lambda found: replace(found, segments=tuple(replace(one, sound=frozenset()) for one in found.segments)))
     row.owner.replication.spreading.doubt(row.arc)
+
+
+async def doubted(row: Row, *holders: int) -> None:
+    """Likewise, and they know that."""
+    await adopted(row, *holders)
     await row.tell()
+
+
+async def everywhere(row: Row) -> tuple[Location, Record]:
+    """A place, and what lies there at all who hold it."""
+    await row.hold(1, 2)
+    (place,) = row.places(1)
+    record = row.next_at(place)
+    await row.put(record)
+    await until(lambda: not row.owner.debts())
+    return place, record
+
+
+async def alone(row: Row) -> tuple[Location, Record]:
+    """A place that is doubted, and what lies there at its owner alone, which reaches nobody."""
+    await row.hold(1, 2)
+    (place,) = row.places(1)
+    record = row.next_at(place)
+    await row.owner.living.parts.store.put([Put(record)])
+    await doubted(row, 1, 2)
+    row.cut_off(1, 2)
+    return place, record
+
+
+def test_a_doubted_piece_is_told_again_when_all_who_hold_it_are_compared() -> None:
+    async def story(row: Row) -> None:
+        place, record = await everywhere(row)
+        await adopted(row, 1)
+        row.cut_off(1, 2)
+        assert (await row.read(place)).stale
+        assert (await row.listed()).stale
+        row.mend(1, 2)
+        assert row.owner.living.parts.unsettled.within(row.arc)
+        await row.put(record_at(place, space=SPACE))
+        key = RecordKey(SPACE, place, b"")
+        assert not (await row.owner.asked(GetMany(HEADER.scene, HEADER.position, (key,)))).stale
+        await row.tell()
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(row.change, compared)
+            found = await row.read(place)
+        assert (found.stale, found.records) == (False, (as_bytes(record),))
+        assert not row.owner.living.parts.unsettled.within(row.arc)
+
+    in_a_row(story)
 
 
 def test_what_is_read_in_a_doubted_piece_is_told_as_soon_as_enough_have_it() -> None:
@@ -51,11 +102,7 @@ def test_what_is_read_in_a_doubted_piece_is_told_as_soon_as_enough_have_it() -> 
 
 def test_what_is_read_in_a_doubted_piece_is_not_told_while_too_few_have_it() -> None:
     async def story(row: Row) -> None:
-        await row.hold(1, 2)
-        (place,) = row.places(1)
-        record = row.next_at(place)
-        await row.put(record)
-        await until(lambda: not row.owner.debts())
+        place, _ = await everywhere(row)
         await doubted(row, 1, 2)
         row.cut_off(1, 2)
         begin = trio.current_time()
@@ -123,12 +170,7 @@ def test_the_same_again_is_not_acknowledged_because_somebody_reads_it_meanwhile(
     """What he reads is sent, and is no more settled by that than by the write."""
 
     async def story(row: Row) -> None:
-        await row.hold(1, 2)
-        (place,) = row.places(1)
-        record = row.next_at(place)
-        await row.owner.living.parts.store.put([Put(record)])
-        await doubted(row, 1, 2)
-        row.cut_off(1, 2)
+        place, record = await alone(row)
         slowly(monkeypatch, row, 0.3)
         outcomes: list[PutOutcome] = []
 
@@ -148,12 +190,7 @@ def test_the_same_again_is_not_acknowledged_because_somebody_reads_it_meanwhile(
 
 def test_the_same_twice_at_once_is_acknowledged_to_neither_before_it_is_settled(monkeypatch: pytest.MonkeyPatch) -> None:
     async def story(row: Row) -> None:
-        await row.hold(1, 2)
-        (place,) = row.places(1)
-        record = row.next_at(place)
-        await row.owner.living.parts.store.put([Put(record)])
-        await doubted(row, 1, 2)
-        row.cut_off(1, 2)
+        _, record = await alone(row)
         slowly(monkeypatch, row, 0.3)
         outcomes: list[PutOutcome] = []
 
@@ -176,12 +213,7 @@ def test_what_is_read_is_not_told_because_somebody_writes_the_same_again_meanwhi
     """That it was not stored once more settles nothing."""
 
     async def story(row: Row) -> None:
-        await row.hold(1, 2)
-        (place,) = row.places(1)
-        record = row.next_at(place)
-        await row.owner.living.parts.store.put([Put(record)])
-        await doubted(row, 1, 2)
-        row.cut_off(1, 2)
+        place, record = await alone(row)
         slowly(monkeypatch, row, 0.3)
         store = row.owner.living.parts.store
         put = store.put

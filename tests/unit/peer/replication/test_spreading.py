@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 import trio
 
@@ -20,7 +18,7 @@ from scenefold.store import Outcome, Put, PutResult
 from scenefold.wire import GetMany, Packet, PutOutcome, RecordKey, StoreCopies
 from scenefold.world import Priority
 from unit.peer.replication.terrace import HEADER, OBJECTS, SPACE, THIRDS, object_record, record_at
-from unit.peer.replication.writers import Row, as_bytes, compared, in_a_row, names, until
+from unit.peer.replication.writers import Row, as_bytes, in_a_row, names, until
 
 
 def test_a_write_is_on_enough_disks_when_it_is_acknowledged_and_soon_on_all() -> None:
@@ -283,35 +281,5 @@ def test_what_is_not_stored_yet_is_not_judged_when_its_holders_change() -> None:
             row.mend(1, 2)
             row.net.machine(row.owner.address).disk.slow(0.0)
         assert [outcome.reason for outcome in outcomes] == [0]
-
-    in_a_row(story)
-
-
-def test_a_doubted_piece_is_told_again_when_all_who_hold_it_are_compared() -> None:
-    async def story(row: Row) -> None:
-        await row.hold(1, 2)
-        (place,) = row.places(1)
-        record = row.next_at(place)
-        await row.put(record)
-        await until(lambda: not row.owner.debts())
-        # As if it had adopted the piece: nobody is compared.
-        await row.place(1)
-        await row.change(lambda found: replace(found, segments=tuple(replace(one, sound=frozenset()) for one in found.segments)))
-        row.owner.replication.spreading.doubt(row.arc)
-        row.cut_off(1, 2)
-        assert (await row.read(place)).stale
-        assert (await row.listed()).stale
-        row.mend(1, 2)
-        assert row.owner.living.parts.unsettled.within(row.arc)
-        alone = record_at(place, space=SPACE)
-        await row.put(alone)
-        key = RecordKey(SPACE, place, b"")
-        assert not (await row.owner.asked(GetMany(HEADER.scene, HEADER.position, (key,)))).stale
-        await row.tell()
-        async with trio.open_nursery() as nursery:
-            nursery.start_soon(row.change, compared)
-            found = await row.read(place)
-        assert (found.stale, found.records) == (False, (as_bytes(record),))
-        assert not row.owner.living.parts.unsettled.within(row.arc)
 
     in_a_row(story)
