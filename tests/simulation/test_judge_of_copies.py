@@ -87,6 +87,23 @@ def test_a_copy_that_is_missing_is_met_by_a_proof() -> None:
     with_copies(look)
 
 
+def test_what_is_older_than_what_has_rotted_at_its_owner_is_missed_by_nobody() -> None:
+    async def look(rest: Rest, place: Place) -> None:
+        (key,) = (key for key in rest.cluster.nodes[2].disk.peek(RECORDS) if place_of(key) == place)
+        older = bytes(rest.cluster.nodes[2].disk.peek(RECORDS)[key])
+        await rest.scene.space(KEPT).put(rest.places[0], b"newer")
+        while unrest(rest.cluster):  # noqa: ASYNC110 - disks tell nobody
+            await trio.sleep(0.5)
+        overwrite(rest.cluster.nodes[2].disk, RECORDS, key, older)
+        overwrite(rest.cluster.nodes[1].disk, RECORDS, key, None)
+        ((words, _slots),) = wrong_copies(rest.cluster, FOUNDERS)
+        assert "is not on n1, n2" in words
+        rot(rest, place, 0)
+        assert not list(wrong_copies(rest.cluster, FOUNDERS))
+
+    with_copies(look)
+
+
 def test_copies_that_follow_a_bound_that_moves_during_a_proof_are_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     async def look(rest: Rest, _place: Place) -> None:
         giver = rest.cluster.nodes[1]

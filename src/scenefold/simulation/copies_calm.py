@@ -98,8 +98,11 @@ def _misplaced(cluster: Cluster, nodes: list[Node]) -> Iterator[Wrong]:
     for place, versions in sorted(found.items()):
         wanted = wanted_slots(cluster, line, place)
         best = max(versions.values(), key=lambda version: version.order)
-        if all(rot.is_at(other, place) for other, version in versions.items() if version == best):
-            # Of what nobody has sound there is nothing to copy.
+        before = rot.before(wanted[0], place) if wanted else None
+        if all(rot.is_at(other, place) for other, version in versions.items() if version == best) or (
+            before is not None and before.order > best.order
+        ):
+            # Of what nobody has sound there is nothing to copy; and what is older is given to nobody in its place.
             continue
         # A copy that has rotted is not known to have before it is read; and who says that it has what it has not is not asked again for an hour.
         excused = {other for other in wanted if rot.is_at(other, place) or keeping.is_liar(other, place)}

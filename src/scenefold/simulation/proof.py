@@ -23,10 +23,9 @@ from scenefold.simulation.calm import unrest
 from scenefold.simulation.cluster import Cluster
 from scenefold.simulation.copies_calm import Arcs, line_of, wanted_slots
 from scenefold.simulation.copying import KEPT, KEPT_OBJECTS
-from scenefold.simulation.disks import found_at, version_in
-from scenefold.simulation.history import Place, Version
+from scenefold.simulation.disks import found_at
+from scenefold.simulation.history import Place
 from scenefold.simulation.rot import RottenCopy
-from scenefold.store.layout import RECORDS
 from scenefold.world import open_links
 
 HEALED_S_MAX = 90.0
@@ -106,7 +105,7 @@ def _healable(cluster: Cluster) -> Iterator[RottenCopy]:
         if not watch.keeping.has(copy.place):
             continue
         wanted = wanted_slots(cluster, line, copy.place)
-        before = _version_before(cluster, copy)
+        before = watch.rot.before(copy.slot, copy.place)
         if copy.slot not in wanted or before is None:
             continue
         for other in wanted:
@@ -114,12 +113,6 @@ def _healable(cluster: Cluster) -> Iterator[RottenCopy]:
             if found is not None and found.order >= before.order:
                 yield copy
                 break
-
-
-def _version_before(cluster: Cluster, copy: RottenCopy) -> Version | None:
-    """What lay there; None if that is not known."""
-    value = cluster.nodes[copy.slot].disk.rotten(RECORDS).get(copy.key)
-    return None if value is None else version_in(value)
 
 
 def _words(cluster: Cluster, finding: Finding) -> str:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.crypto import RecordPlace, is_husk
-from scenefold.simulation.disks import Disk, place_of
-from scenefold.simulation.history import Place
+from scenefold.simulation.disks import Disk, place_of, version_in
+from scenefold.simulation.history import Place, Version
 from scenefold.store.layout import RECORDS, location_of, pack_record, record_key, remains_of
 
 
@@ -45,6 +45,13 @@ class Rot:
     def is_at(self, slot: int, place: Place) -> bool:
         """Whether a disk's copy of a record is rotten now."""
         return place in self._values and any(copy.place == place for copy in self.on(slot))
+
+    def before(self, slot: int, place: Place) -> Version | None:
+        """What lay on a disk where a copy is rotten now; None if that is not known, as of what came there rotten."""
+        if place not in self._values:
+            return None
+        found = (self._disks[slot].rotten(RECORDS).get(copy.key) for copy in self.on(slot) if copy.place == place)
+        return next((version_in(value) for value in found if value is not None), None)
 
     def copies(self) -> Iterator[RottenCopy]:
         """All that there are now, in the order of slots and places."""

@@ -153,6 +153,18 @@ async def test_a_full_disk_changes_nothing() -> None:
     assert house.own.signed().blacklist == (HOST,)
 
 
+@pytest.mark.expect_log("followed, and not kept yet")
+async def test_a_node_starts_on_a_full_disk_and_follows_its_settings() -> None:
+    notes = Notes()
+    await started(notes, HOST)
+    notes.is_full = True
+    house = await started(notes, RACK)
+    assert house.own.signed().blacklist == (RACK, HOST)
+    notes.is_full = False
+    await house.tell(add=(OTHER,))
+    assert (await started(notes)).own.signed().blacklist == (RACK, OTHER, HOST)
+
+
 async def test_two_orders_at_once_are_both_carried_out() -> None:
     house = await started(Notes())
     async with trio.open_nursery() as nursery:

@@ -53,14 +53,24 @@ class OwnBlacklist:
         handlers.add(ChangeBlacklist, self._on_change, senders=Senders.USERS)
 
     async def load(self) -> None:
-        """What stands there since an earlier run, and what the settings add to it. UsageFault if that is too much."""
+        """What stands there since an earlier run, and what the settings add to it: in memory alone while the disk is full.
+
+        UsageFault if that is too much.
+        """
         note = await self._store.get_note(NOTE)
         known = Blacklist() if note is None else decode_blacklist(note)
         begun = changed(known, self._begin, ())
         if len(begun.prefixes) > BLACKLIST_MAX:
             what = f"a blacklist of {len(begun.prefixes)} entries: {len(known.prefixes)} stand there, the settings name others"
             raise UsageFault(what, remedy=f"{BLACKLIST_MAX} are allowed: name fewer, or a prefix in place of many addresses")
-        await self._keep(known, begun)
+        try:
+            await self._keep(known, begun)
+        except Refused as problem:
+            if problem.reason is not RejectReason.STORAGE_FULL:
+                raise
+            # A node whose disk is full serves what it has. The settings name the same at the next start, and the next change keeps it.
+            _log.warning("the blacklist of the settings is followed, and not kept yet: %s", problem)
+            self._own.blacklist = begun
 
     async def _on_change(self, packet: ChangeBlacklist, peer: str) -> BlacklistChanged:
         if (packet.add or packet.remove) and not self._may_order(peer):
