@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 import trio
+import trio.testing
 
 from scenefold.client.together import worked_off
 
 
 async def test_all_batches_are_worked_off_by_as_many_as_there_are_and_no_more_are_made_than_fit() -> None:
-    made, done, most = 0, list[int](), 0
+    made, begun, done = 0, 0, list[int]()
+    all_work = trio.Event()
 
     async def source(send: trio.MemorySendChannel[int]) -> None:
         nonlocal made
@@ -17,14 +19,18 @@ async def test_all_batches_are_worked_off_by_as_many_as_there_are_and_no_more_ar
             await send.send(made)
 
     async def work(batch: int) -> None:
-        nonlocal most
-        most = max(most, made - len(done))
-        await trio.lowlevel.checkpoint()
+        nonlocal begun
+        begun += 1
+        if begun == 3:
+            await trio.testing.wait_all_tasks_blocked()
+            assert made == 3 + 2 + 1, "with the workers, waiting, and in the hand of who makes them"
+            all_work.set()
+        await all_work.wait()
         done.append(batch)
 
-    await worked_off(source, work, workers=3, ahead=2)
+    with trio.fail_after(5.0):
+        await worked_off(source, work, workers=3, ahead=2)
     assert sorted(done) == list(range(1, 21))
-    assert 3 <= most <= 3 + 2 + 1, "with the workers, waiting, and in the hand of who makes them"
 
 
 @pytest.mark.parametrize("workers", [1, 4])
