@@ -30,9 +30,9 @@ PIXELS = 8
 EYE = looking((0, 0.3, 0), (0, 0, 0), kind="orthographic", ymag=HALF)
 
 
-def floor_lit_from(place: Floats, half: float = HALF) -> tuple[Floats, Floats]:
-    """Radiance f64[n, 3] that leaves points all over the view upwards, and the unit directions to the lamp."""
-    steps = (np.arange(256) + 0.5) / 128 - 1
+def floor_lit_from(place: Floats, half: float = HALF, *, side: int = 256) -> tuple[Floats, Floats]:
+    """Radiance f64[side², 3] that leaves points all over the view upwards, and the unit directions to the lamp."""
+    steps = (2 * np.arange(side) + 1) / side - 1
     x, z = (axis.ravel() * half for axis in np.meshgrid(steps, steps))
     towards = place - np.stack([x, 0 * x, z], axis=1)
     distance = np.sqrt((towards**2).sum(axis=1))

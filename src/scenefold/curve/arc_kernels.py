@@ -30,7 +30,7 @@ def find_gaps(low, high, table, levels, limit):
     first = (ZERO, ZERO, ZERO)
     last = (ALL, ALL, ALL)
     corners = np.zeros((1, dimensions), np.uint64)
-    _, _, cut_lower, cut_upper = _halves(corners, 0, ONE << np.uint64(levels - 1), low, high)
+    _, _, cut_lower, cut_upper = _halves(corners, np.int64(0), ONE << np.uint64(levels - 1), low, high)
     count = 0
     if cut_lower | cut_upper:
         count = 1
@@ -53,9 +53,9 @@ def find_gaps(low, high, table, levels, limit):
         next_corners = np.empty((2 * count + children, dimensions), np.uint64)
         next_prefixes = np.empty((2 * count + children, 3), np.uint64)
         next_states = np.empty(2 * count + children, np.uint64)
-        next_count = 0
+        next_count = np.int64(0)
         found = np.empty((count + children, 6), np.uint64)
-        found_count = 0
+        found_count = np.int64(0)
         for node in range(count):
             no_lower, no_upper, cut_lower, cut_upper = _halves(corners, node, half, low, high)
             prefix = (prefixes[node, 0], prefixes[node, 1], prefixes[node, 2])
@@ -182,7 +182,7 @@ def _nearest(target, forward, low, high, table, levels):
     candidate = np.int64(_digit(target, ZERO, bits))
     while True:
         half = ONE << np.uint64(levels - 1 - level)
-        no_lower, no_upper, cut_lower, cut_upper = _halves(corner, 0, half, low, high)
+        no_lower, no_upper, cut_lower, cut_upper = _halves(corner, np.int64(0), half, low, high)
         entry = ZERO
         while 0 <= candidate < children:
             entry = np.uint64(table[(state << bits) | np.uint64(candidate)])
