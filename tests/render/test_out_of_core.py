@@ -20,7 +20,7 @@ from scenefold.render.image_files import image_sha256
 from scenefold.render.in_memory import one_node_job
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
-from scenefold.render.numbers import job_box
+from scenefold.render.numbers import depth_of_box, job_box
 from scenefold.render.out_of_core import compiling as compiling_module
 from scenefold.render.out_of_core import spill as spill_module
 from scenefold.render.out_of_core import tracing as tracing_module
@@ -115,7 +115,8 @@ def in_memory(file: Path, options: RenderOptions) -> tuple[dict[str, NDArray[Any
             tracer.advance(rays, first, sums)
         film.add(sums, first, loaded.numbers.stride)
     scene.close()
-    return develop(film, job.layers, job_box(loaded.tables)), loaded.tables
+    box = job_box(loaded.tables)
+    return develop(film, job.layers, box, depth_of_box(job.camera, box)), loaded.tables
 
 
 def within(file: Path, memory: int, threads: int = 1, options: RenderOptions = OPTIONS, folder: Path | None = None) -> Made:

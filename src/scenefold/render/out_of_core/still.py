@@ -19,7 +19,7 @@ from scenefold.render.developing import develop
 from scenefold.render.in_memory import camera_of, job_of
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.layers import Pixels, image_bytes
-from scenefold.render.numbers import job_box, job_numbers
+from scenefold.render.numbers import depth_of_box, job_box, job_numbers
 from scenefold.render.out_of_core.cells import Cells, cells_within
 from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.out_of_core.geometry_files import arrays_on_disk
@@ -98,7 +98,8 @@ async def render_within(asked: OutOfCore, options: RenderOptions, progress: Prog
         finally:
             pager.close()
         traced, traced_cpu = time.monotonic(), time.process_time()
-        layers = await workers.run(FILM_LANE, develop, film, job.layers, job_box(tables))
+        box = job_box(tables)
+        layers = await workers.run(FILM_LANE, develop, film, job.layers, box, depth_of_box(job.camera, box))
         seconds = {"import": import_seconds, "prepare": prepared - begun - import_seconds, "render": traced - prepared}
         report = _report(job, tracing.counts, seconds)
         report["processor_seconds"] = {"render": round(traced_cpu - prepared_cpu, 3)}
