@@ -6,6 +6,8 @@ happened, where, and what to do about it; the command line prints them as one li
 
 from __future__ import annotations
 
+from typing import Any
+
 from scenefold.base.reasons import RejectReason
 
 
@@ -22,6 +24,10 @@ class ScenefoldError(Exception):
         place = f" ({self.where})" if self.where else ""
         remedy = f": {self.remedy}" if self.remedy else ""
         return f"{self.what}{place}{remedy}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Whole in another process, too: what an exception is made of by itself is the first argument alone."""
+        return _made_again, (type(self), self.args), dict(self.__dict__)
 
 
 class LocalFault(ScenefoldError):
@@ -58,3 +64,7 @@ class Refused(ScenefoldError):
     def __init__(self, reason: RejectReason, what: str, *, where: str = "", remedy: str = "") -> None:
         super().__init__(what, where=where, remedy=remedy)
         self.reason = reason
+
+
+def _made_again(kind: type[ScenefoldError], args: tuple[Any, ...]) -> ScenefoldError:
+    return kind.__new__(kind, *args)
