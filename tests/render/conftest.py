@@ -21,6 +21,6 @@ def ends_moved(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = Organiser._all_closed
 
     async def all_closed(self: Organiser) -> bool:
-        return await plain(self) and self._moved > 0
+        return await plain(self) and self._course.moves > 0
 
     monkeypatch.setattr(Organiser, "_all_closed", all_closed)

@@ -48,6 +48,7 @@ from scenefold.wire import (
     StartJob,
 )
 from scenefold.world import World
+from scenefold.world.process_use import ProcessUse, process_use
 
 if TYPE_CHECKING:
     from scenefold.render.pool.service import RenderService
@@ -154,6 +155,9 @@ class RenderHost:
 
     def record_count(self) -> int:
         return self._context.store.record_count
+
+    def used(self) -> ProcessUse:
+        return process_use()
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ The organiser is a node that the client trusts with the scene, and not with its 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -41,6 +41,7 @@ _COUNTS = (
     "late",
 )
 _SECONDS = ("prepare_seconds", "busy_seconds")
+_ROUNDS_MAX = 256
 _CHARACTERS_MAX = 200
 _STEPS_MAX = 16
 
@@ -143,10 +144,15 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         if not nodes:
             raise ValueError("an image that no node has made")
         numeric_class = _short(state["numeric_class"])
+        rounds = [_round(row) for row in _few(state.get("rounds", []), _ROUNDS_MAX)]
+        tail = [_seconds(value) for value in _few(state.get("tail", []), 2)]
+        if len(tail) == 1:
+            raise ValueError("a tail is two times, or none")
     casts = [node["casts"] for node in nodes]
     passed, rays = (sum(node[name] for node in nodes) for name in ("rays_sent", "rays"))
     rendering = max(seconds.get("render", 0.0), 1e-9)
     return {
+        "partition": "spatial",
         "passes": passes,
         "paths": paths,
         "samples_per_pixel": paths / options.window.pixels,
@@ -166,6 +172,9 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         "packets_passed": sum(node["packets_sent"] for node in nodes),
         "bytes_passed": passed * RAY_BYTES,
         "efficiency": sum(casts) / (len(casts) * max(casts)) if max(casts) else 1.0,
+        "rounds": [{"cell_visits": visits, "efficiency": visits / (count * most)} for visits, most, count in rounds],
+        "efficiency_of_rounds": efficiency_of(rounds),
+        "tail": None if not tail else {"seconds_to_95": round(tail[0], 3), "seconds_to_100": round(tail[1], 3)},
         "contributions_not_finite": sum(node["not_finite"] for node in nodes),
         "contributions_clamped": sum(node["clamped"] for node in nodes),
         "render_seconds": {name: round(value, 3) for name, value in seconds.items()},
@@ -173,11 +182,30 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
     }
 
 
+def efficiency_of(rounds: Sequence[tuple[int, int, int]]) -> float:
+    """Of all rounds: the work that was done over what would have been, had all been as busy as the busiest in each; 1 without any.
+
+    A round: visits of cells by all nodes, by the busiest one, and how many nodes there were.
+    """
+    might = sum(most * count for _, most, count in rounds)
+    return sum(visits for visits, _, _ in rounds) / might if might else 1.0
+
+
+def _round(row: Any) -> tuple[int, int, int]:
+    visits, most, count = (whole(value, 1, _COUNT_MAX) for value in row)
+    return whole(visits, most, most * count), most, whole(count, 1, POOL_NODES_MAX)
+
+
 def _node(row: dict[str, Any], chosen: Collection[str] | None) -> dict[str, Any]:
     """What is told of a node, in the order in which it is reported."""
     _one_of(row["address"], chosen)
     counts = {name: whole(row[name], 0, _COUNT_MAX) for name in _COUNTS}
-    return {"address": row["address"], **counts, **{name: _seconds(row[name]) for name in _SECONDS}}
+    # Of an earlier version nothing is known of these.
+    used = {
+        "processor_seconds": _seconds(row.get("processor_seconds", 0.0)),
+        "memory_most": whole(row.get("memory_most", 0), 0, _COUNT_MAX),
+    }
+    return {"address": row["address"], **counts, **{name: _seconds(row[name]) for name in _SECONDS}, **used}
 
 
 def _one_of(address: object, chosen: Collection[str] | None) -> str:

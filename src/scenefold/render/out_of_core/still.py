@@ -32,6 +32,7 @@ from scenefold.render.pool.share import FILM_LANE, LANE, read_tables
 from scenefold.scene.importers import Moment
 from scenefold.scene.tables import SceneTables
 from scenefold.world import offline_world
+from scenefold.world.process_use import process_use
 
 MIB = 1 << 20
 THREAD_BYTES = 24 * MIB
@@ -113,6 +114,7 @@ async def render_within(asked: OutOfCore, options: RenderOptions, progress: Prog
             "cells_worked_off": tracing.counts.visits,
             "rays_waiting_most": tracing.rays.most,
             "scene_bytes": scene_bytes(tables, arrays),
+            "memory_most": process_use().memory_most,
         }
         return Made(layers, report, imported.not_carried)
 

@@ -13,6 +13,7 @@ from scenefold.scene.head import SceneHead
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import Packet
 from scenefold.world import World
+from scenefold.world.process_use import ProcessUse
 
 P = TypeVar("P", bound=Packet)
 
@@ -65,4 +66,8 @@ class Host(Protocol):
 
     def record_count(self) -> int:
         """Records that this node stores, of all scenes."""
+        ...
+
+    def used(self) -> ProcessUse:
+        """What the node's process has used of its computer so far."""
         ...

@@ -31,6 +31,7 @@ from scenefold.render.numbers import depth_of_box, job_box
 from scenefold.render.pool.attempts import Attempts, or_changed
 from scenefold.render.pool.comebacks import Comebacks
 from scenefold.render.pool.company import ASK_S_MAX, Company, NodesBack, NodesLost
+from scenefold.render.pool.course import Course
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
@@ -93,7 +94,7 @@ class Organiser:
         self._failure: Refused | None = None
         self._company: Company | None = None
         self._attempts: Attempts | None = None
-        self._moved = 0
+        self._course = Course(request.options.plan.count)
         self._released_at = 0.0
         self._level, self._goes_on = 0, EVERY_ROW
         """What is traced."""
@@ -208,7 +209,7 @@ class Organiser:
             "paths_before": self._paths_before,
             "kept_passes": self._kept[0],
             "content": self._digest,
-            "moved": self._moved,
+            **self._course.document(is_done=self._phase == "done"),
             "attempts": 1 if self._company is None else 1 + self._company.roster.attempt,
             "passes_again": 0 if self._attempts is None else self._attempts.traced_again,
             "lost": [] if self._attempts is None else [address_of(node) for node in self._attempts.lost[:POOL_NODES_MAX]],
@@ -263,6 +264,7 @@ class Organiser:
                     self._comebacks.joined(change.nodes)
             nursery.cancel_scope.cancel()
         self._phase, self._kept = "merging", (0, b"")
+        self._course.round_ended(company.states)
         with _Timed(self, "merge"):
             film = self._film(job)
             self._traced = int(film.rows.samples.sum(dtype=np.int64))
@@ -385,7 +387,7 @@ class Organiser:
         self._attempts.newest_epoch = max(self._attempts.newest_epoch, partition.epoch)
         if is_claimed:
             self._attempts.partition = partition
-            self._moved += 1
+            self._course.cells_moved({} if self._company is None else self._company.states)
 
     def _is_comeback_worth(self) -> bool:
         """Whether those that are missing would save more time, of what is left, than it takes that they join."""
@@ -418,6 +420,7 @@ class Organiser:
     async def _all_closed(self) -> bool:
         assert self._company is not None and self._attempts is not None
         await self._company.look()
+        self._course.closed(self._attempts.closed, self.now())
         return self._attempts.closed == self._begun_passes
 
     async def _tell(self, document: dict[str, Value], timeout_s: float = ASK_S_MAX) -> None:

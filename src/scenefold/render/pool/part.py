@@ -62,6 +62,7 @@ class Part:
         self.phase = Phase.PREPARING
         self.failure: Refused | None = None
         self._host, self._renderer, self._quiet = host, renderer, quiet
+        self._processor_before_s = host.used().processor_s
         self._roster = Roster.first(job, organiser)
         self._moving = Moving(host, renderer, job, self.me)
         self._member: Member | None = None
@@ -295,6 +296,8 @@ class Part:
     def state(self) -> dict[str, Value]:
         """How it stands, for the organiser."""
         document: dict[str, Value] = {"phase": self.phase.value, "records": self._host.record_count(), **failure_fields(self.failure)}
+        used = self._host.used()
+        document |= {"processor_seconds": used.processor_s - self._processor_before_s, "memory_most": used.memory_most}
         if self._moving.held is not None:
             loaded = self._moving.held.loaded
             document |= {
