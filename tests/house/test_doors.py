@@ -18,6 +18,8 @@ DOORS = {
     "lmdb": ("scenefold.store",),
     "embreex": ("scenefold.render.renderers.embree",),
     "mitsuba": ("scenefold.render.renderers.mitsuba",),
+    "dask": ("scenefold.render.tasks.engine",),
+    "distributed": ("scenefold.render.tasks.engine",),
     "emcee": ("scenefold.study",),
     "rich": ("scenectl",),
     "cyclopts": ("scenectl",),

@@ -74,6 +74,12 @@ class Film:
         """Add another film of the same job."""
         self._add_rows(self.rows.words, other.rows.words)
 
+    def add_rows(self, first: int, words: U64) -> None:
+        """Add rows of another film of the same job, which are ours from row `first` on."""
+        own = self.rows.words[first : first + len(words)]
+        assert own.shape == words.shape, "rows of another film"
+        self._add_rows(own, words)
+
     def _words_of(self, index: int) -> U64:
         first = index * self._part_rows if 0 <= index < self.part_count else len(self.rows.words)
         return self.rows.words[first : first + self._part_rows]

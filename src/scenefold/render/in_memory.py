@@ -19,7 +19,7 @@ from scenefold.render.job import Job, RenderOptions
 from scenefold.render.numbers import camera_numbers
 from scenefold.render.pool.share import LoadedShare, load_share, read_tables
 from scenefold.render.sealed_keys import NO_KEYS
-from scenefold.scene.importers import plan_import, read_scene
+from scenefold.scene.importers import AT_REST, Moment, plan_import, read_scene
 from scenefold.scene.payloads.cameras import Camera
 from scenefold.scene.tables import SceneTables
 from scenefold.world import Workers
@@ -30,9 +30,11 @@ LANE = "render"
 class RecordsInMemory:
     """A `SceneReader` over a file's records."""
 
-    def __init__(self, file: Path, environment: Path | None = None) -> None:
+    def __init__(self, file: Path, environment: Path | None = None, moment: Moment = AT_REST) -> None:
         self._records: dict[tuple[SpaceId, Location], bytes] = {}
-        plan = plan_import(read_scene(file, environment=environment))
+        plan = plan_import(read_scene(file, moment, environment))
+        self.not_carried: tuple[str, ...] = tuple(plan.not_carried)
+        """What the file has that a scene cannot have."""
         for phase in plan.phases():
             for item in phase:
                 place: Location | None = item.location

@@ -152,16 +152,20 @@ async def watch_render(
 
 async def fetch_render(cluster: Cluster, render: KnownRender, progress: Progress) -> StillResult:
     """Its image. Refused (16) if it is not there yet; what it failed of is raised. It stays where it is until `end_render`."""
-    watch = Watch(cluster, render.organiser, render.job)
-    stand = await watch.stand()
+    report = await report_of_render(cluster, render)
+    options = render.options
+    image = await Watch(cluster, render.organiser, render.job).fetch(image_size(options), partial(progress, "fetch"))
+    layers = unpacked(image, options.layers, options.window.width, options.window.height)
+    return StillResult(layers, report, None if render.unattended is None else render.unattended.exposure, options)
+
+
+async def report_of_render(cluster: Cluster, render: KnownRender) -> dict[str, Any]:
+    """How its image came about. Refused (16) if that is not there yet; what it failed of is raised."""
+    stand = await Watch(cluster, render.organiser, render.job).stand()
     if stand.phase != "done":
         what = f"the image is not there yet: {stand.closed:,} of {stand.passes:,} passes are done"
         raise Refused(RejectReason.NOT_READY, what, where=render.name, remedy=f"wait for it: scenectl render watch {render.name}")
-    options = render.options
-    report = report_of(stand.document, options, None, render.organiser)
-    image = await watch.fetch(image_size(options), partial(progress, "fetch"))
-    layers = unpacked(image, options.layers, options.window.width, options.window.height)
-    return StillResult(layers, report, None if render.unattended is None else render.unattended.exposure, options)
+    return report_of(stand.document, render.options, None, render.organiser)
 
 
 async def end_render(cluster: Cluster, render: KnownRender) -> None:

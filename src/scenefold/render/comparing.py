@@ -1,0 +1,129 @@
+"""Reports of renders, side by side: what each has cost, and what of that its partition explains (docs/reference/scenectl.md). Pure.
+
+A report may be of an earlier version, or of a partition of another kind: what it does not say is None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from scenefold.base.errors import LocalFault
+from scenefold.base.plain_values import number, text, whole
+
+_COUNT_MAX = 2**64 - 1
+_WITHIN_RENDER = "recover"
+"""A phase that is part of another one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compared:
+    """One render."""
+
+    report: str
+    """Where its report comes from."""
+    partition: str
+    """spatial, visual or temporal; out-of-core: spatial, in one process (specs/27-out-of-core.md)."""
+    scene: str | None
+    nodes: int
+    """Processes that rendered."""
+    seconds: float
+    """From the question to the image, without writing it."""
+    processor_seconds: float | None
+    """Of all nodes together."""
+    memory_most: int | None
+    """The most bytes that any one node has had."""
+    bytes_read: int | None
+    """Of the scene's geometry and textures, by all nodes, from store or file."""
+    bytes_passed: int
+    """Of rays, between nodes."""
+    bytes_returned: int | None
+    """Of what tasks have made."""
+    paths: int
+    transfers_per_path: float
+    """How often a path's rays were passed on;"""
+    bytes_per_path: float
+    """and in so many bytes."""
+    efficiency: float
+    """Work of all over that of the busiest node, or thread, times their number."""
+    efficiency_of_rounds: float | None
+    """The same, round by round."""
+    rounds: int | None
+    cells_moved: int | None
+    seconds_to_95: float | None
+    """Of tracing, until 95 of 100 passes were closed;"""
+    seconds_to_100: float | None
+    """and until all were."""
+    tail: float | None
+    """The second over the first."""
+    image_sha256: str | None
+    """None: there are several images."""
+
+    def document(self) -> dict[str, Any]:
+        """The JSON form."""
+        return asdict(self)
+
+
+def compared(document: object, source: str) -> Compared:
+    """What counts of a report; LocalFault if it is none. `source`: a file's name, or a render's."""
+    try:
+        if not isinstance(document, Mapping):
+            raise TypeError("an object is expected")
+        return _compared(document, source)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        what = f"that is no report of a render ({type(error).__name__}: {error!s:.120})"
+        remedy = "give what `scenectl render still --report FILE` or `--json` has written"
+        raise LocalFault(what, where=source, remedy=remedy) from error
+
+
+def _compared(document: Mapping[str, Any], source: str) -> Compared:
+    rows = document["render_nodes"]
+    alone = None if rows else document.get("memory")
+    paths, passed = whole(document["paths"], 1, _COUNT_MAX), whole(document["bytes_passed"], 0, _COUNT_MAX)
+    tail = document.get("tail")
+    early, late = (None, None) if tail is None else (_seconds(tail["seconds_to_95"]), _seconds(tail["seconds_to_100"]))
+    processor = _seconds(document["processor_seconds"]["render"]) if alone else _total(rows, "processor_seconds", _seconds)
+    return Compared(
+        report=source,
+        partition="out-of-core" if alone else text(document.get("partition", "spatial")),
+        scene=None if document.get("scene") is None else text(document["scene"]),
+        nodes=max(len(rows), 1),
+        seconds=sum(_seconds(value) for name, value in document["render_seconds"].items() if name != _WITHIN_RENDER),
+        processor_seconds=processor or None,
+        memory_most=max((_count(row.get("memory_most", 0)) for row in (*rows, alone or {})), default=0) or None,
+        bytes_read=None if alone else int(_total(rows, "bytes_read", _count)),
+        bytes_passed=passed,
+        bytes_returned=_if_said(document, "bytes_returned", _count),
+        paths=paths,
+        transfers_per_path=_seconds(document["rays_passed_per_path"]),
+        bytes_per_path=passed / paths,
+        efficiency=_seconds(document["efficiency"]),
+        efficiency_of_rounds=_if_said(document, "efficiency_of_rounds", _seconds),
+        rounds=_if_said(document, "rounds", len),
+        cells_moved=_if_said(document, "cells_moved", _count),
+        seconds_to_95=early,
+        seconds_to_100=late,
+        tail=late / early if early and late is not None else None,
+        image_sha256=_if_said(document, "image_sha256", text),
+    )
+
+
+def _total(rows: Any, name: str, kind: Callable[[object], float]) -> float:
+    return sum(kind(row.get(name, 0)) for row in rows)
+
+
+def _if_said(document: Mapping[str, Any], name: str, kind: Callable[[Any], Any]) -> Any:
+    value = document.get(name)
+    return None if value is None else kind(value)
+
+
+def _count(value: object) -> int:
+    return whole(value, 0, _COUNT_MAX)
+
+
+def _seconds(value: object) -> float:
+    known = number(value)
+    if known < 0:
+        raise ValueError("a number from 0 on is expected")
+    return known

@@ -1,0 +1,116 @@
+"""If this fails, tasks go on when nobody wants them, an engine's trouble ends in a traceback, or a scene's secrets leave by an open line."""
+
+from __future__ import annotations
+
+import builtins
+import importlib.util
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import pytest
+import trio
+
+from scenefold.base.errors import LocalFault, UsageFault
+from scenefold.render.tasks.engine import ThreadsEngine, checked_address, done_by
+from scenefold.render.tasks.holding import RenderEnded
+
+needs_dask = pytest.mark.skipif(importlib.util.find_spec("dask") is None, reason="dask is not installed: it is an optional extra")
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:8786", "tls://10.0.0.5:8786", "tcp://localhost:1", "tcp://[::1]:8786"])
+def test_what_may_carry_a_scene_of_a_cluster(address: str) -> None:
+    assert checked_address(address, is_secret=True) == address
+
+
+@pytest.mark.parametrize("address", ["tcp://10.0.0.5:8786", "tcp://render.example:8786", "tcp://localhost.example:8786"])
+def test_an_open_line_to_elsewhere_is_for_files_alone(address: str) -> None:
+    with pytest.raises(UsageFault, match=r"keys.*tls://"):
+        checked_address(address, is_secret=True)
+    assert checked_address(address, is_secret=False) == address
+
+
+@pytest.mark.parametrize(
+    "address", ["", "threads", "10.0.0.5:8786", "http://a:1", "tcp://", "tcp://a", "tcp://a:x", "tcp://:8786", "tcp://[::1"]
+)
+def test_what_is_no_address(address: str) -> None:
+    with pytest.raises(UsageFault, match="no address of a Dask scheduler"):
+        checked_address(address, is_secret=False)
+
+
+def test_without_the_extra_one_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = builtins.__import__
+
+    def without(name: str, *args: Any, **more: Any) -> Any:
+        if name.partition(".")[0] == "dask":
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return plain(name, *args, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(LocalFault, match=r"needs the package dask.*pip install 'scenefold\[dask\]'"):
+        ThreadsEngine(1, nothing)
+
+
+def nothing() -> None:
+    pass
+
+
+def numbered(number: int) -> int:
+    return number
+
+
+@needs_dask
+async def test_all_tasks_are_done_once() -> None:
+    taken: list[int] = []
+    await done_by(ThreadsEngine(3, nothing), [partial(numbered, number) for number in range(50)], taken.append)
+    assert sorted(taken) == list(range(50))
+
+
+@needs_dask
+async def test_the_error_of_a_task_is_ours_and_the_others_end() -> None:
+    ended = threading.Event()
+
+    def waits() -> int:
+        assert ended.wait(20)
+        raise RenderEnded
+
+    def fails() -> int:
+        raise LocalFault("the file is none", where="a.glb", remedy="give another")
+
+    with pytest.raises(BaseExceptionGroup) as group:
+        await done_by(ThreadsEngine(2, ended.set), [waits, fails], lambda _: None)
+    (fault,) = group.value.exceptions
+    assert isinstance(fault, LocalFault) and fault.where == "a.glb"
+
+
+@needs_dask
+async def test_a_cancelled_render_leaves_no_task_behind() -> None:
+    begun, ended, left = threading.Event(), threading.Event(), threading.Event()
+
+    def waits() -> int:
+        begun.set()
+        assert ended.wait(20)
+        left.set()
+        raise RenderEnded
+
+    taken: list[int] = []
+    with trio.CancelScope() as scope:
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(done_by, ThreadsEngine(1, ended.set), [waits, partial(numbered, 1)], taken.append)
+            await trio.to_thread.run_sync(partial(begun.wait, 20))
+            scope.cancel()
+    assert scope.cancelled_caught and left.is_set() and taken == []
+
+
+@needs_dask
+def test_a_result_that_cannot_be_used_ends_the_others() -> None:
+    ended = threading.Event()
+
+    def take(_: int) -> None:
+        raise LocalFault("cannot write there", where="x.exr", remedy="choose another folder")
+
+    tasks: list[Callable[[], int]] = [partial(numbered, number) for number in range(4)]
+    with pytest.raises(LocalFault, match="cannot write there"):
+        ThreadsEngine(2, ended.set).map(tasks, take)
+    assert ended.is_set()
