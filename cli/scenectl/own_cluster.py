@@ -19,8 +19,13 @@ def check_own_cluster(where: str, profile: str | None, given: Mapping[str, tuple
     if profile is None:
         return
     for option, (value, variable) in given.items():
-        if value is None or (variable and os.environ.get(variable) == str(value)):
+        if value is None or is_of_variable(value, variable):
             continue
         other = f"unset {PROFILE_VARIABLE}" if os.environ.get(PROFILE_VARIABLE) == profile else "leave out --profile"
         what = f"{option} is of a cluster that is started for this, and a profile names one that runs"
         raise UsageFault(what, where=where, remedy=f"leave out {option} to use the cluster of the profile, or {other} to start one")
+
+
+def is_of_variable(value: object, variable: str) -> bool:
+    """Whether an option has its value from the environment, and may be without meaning."""
+    return bool(variable) and os.environ.get(variable) == str(value)

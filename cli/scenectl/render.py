@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,6 +15,8 @@ from scenectl.moment_values import FpsOption, FrameOption, TimeOption, check_of_
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
+from scenectl.partition_options import FramesOption, PartitionOption, check_partition, check_threads
+from scenectl.render_report import report
 from scenectl.unattended import cancel, fetch, list_all, start, watch
 from scenectl.values import PortsOption, whole
 
@@ -22,7 +24,15 @@ NODES = 5
 """Of a cluster that is started for one image."""
 
 app = App(name="render", help="Render images.", help_format="plaintext")
-for name, verb in (("start", start), ("list", list_all), ("watch", watch), ("fetch", fetch), ("cancel", cancel)):
+VERBS: dict[str, Callable[..., None]] = {
+    "start": start,
+    "list": list_all,
+    "watch": watch,
+    "fetch": fetch,
+    "cancel": cancel,
+    "report": report,
+}
+for name, verb in VERBS.items():
     app.command(verb, name=name)
 
 
@@ -41,6 +51,10 @@ def still(
     view: Literal["agx", "filmic", "srgb"] = "agx",
     resume: Path | None = None,
     memory: MemoryOption | None = None,
+    partition: PartitionOption = "spatial",
+    engine: str | None = None,
+    frames: FramesOption | None = None,
+    report_to: Annotated[Path | None, Parameter(name="--report")] = None,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     ports: PortsOption | None = None,
     scene: SceneOption | None = None,
@@ -60,6 +74,8 @@ def still(
     Example: scenectl render still city.glb --memory 512MiB --threads 4 -o city.exr
 
     Example: scenectl render still fox.glb --frame 12 --animation Run -o fox.0012.exr
+
+    Example: scenectl render still fox.glb --partition temporal --frames 0-47 --animation Run -o fox.exr
 
     Parameters
     ----------
@@ -85,14 +101,23 @@ def still(
         File in which what is rendered is kept once in a while; the same command with it goes on from there after an interruption. It is removed once the image is written.
     memory
         Memory that the render of a file may take, as 512MiB, beside 300 MiB for the program itself: what of the scene does not fit lies in files in the folder for temporary files. No cluster is started then; the image is the same.
+    partition
+        How the work is shared out: spatial, among nodes that each hold a part of the scene and pass rays on; visual, the pixels, or temporal, whole frames, among threads or other workers that each hold all of it. The image is the same. The last two need the extra scenefold[dask].
+    engine
+        Address of the Dask scheduler whose workers render a visual or temporal partition, as tls://10.0.0.5:8786; by default threads of this process do. The workers open the file, or the profile, themselves, under the same path or name.
+    frames
+        With --partition temporal: frames of a file with animations, FIRST-LAST, both included. Their number is put into the names of the files.
+    report_to
+        File that gets the report as JSON, for `scenectl render report`.
     threads
-        Threads that each node renders with, when no profile is given; with --memory, that this process renders with.
+        Threads that each node renders with, when no profile is given; with --memory or a visual or temporal partition, that this process renders with.
     ports
         Ports of the cluster that is started, LOW,HIGH; by default 17349,17350.
     scene
         Name of the scene; by default that of the file without its ending.
     """
     from scenectl.progress import Progress
+    from scenectl.render_report import keep_report
     from scenectl.running import run
     from scenectl.still import ImageFiles, StillJob, check_files, make_still, report_text
     from scenectl.waiting import going_on
@@ -108,14 +133,17 @@ def still(
         "--threads": (threads, "SCENEFOLD_THREADS"),
         "--ports": (ports, "SCENEFOLD_PORTS"),
     }
+    of_pool = {name: of_a_cluster[name] for name in ("--nodes", "--ports")} | {"--memory": (memory, ""), "--resume": (resume, "")}
+    check_partition(partition, engine=engine, frames=frames, of_pool=of_pool, frame=frame, time=time)
     if file is None:
-        check_of_a_file("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
-    moment = moment_of("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
-    check_own_cluster("scenectl render still", output.profile, of_a_cluster)
+        check_of_a_file("scenectl render still", frame=frame, frames=frames, fps=fps, time=time, animation=animation)
+    moment = None if frames else moment_of("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
+    if partition == "spatial":
+        check_own_cluster("scenectl render still", output.profile, of_a_cluster)
     files = ImageFiles.beside(to, view)
     options = image.checked("scenectl render still")
     name = scene_name_of(file) if scene is None else scene
-    check_files(file, to, files.png, *(() if resume is None else (resume,)))
+    check_files(file, to, files.png, *(path for path in (resume, report_to) if path is not None))
     job = StillJob(
         file=file,
         moment=moment,
@@ -129,18 +157,30 @@ def still(
         files=files,
         resume=resume,
     )
+    if partition != "spatial":
+        from scenectl.still_in_tasks import InTasks, frames_text, make_in_tasks
+
+        check_threads(engine, threads)
+        how = InTasks(partition=partition, engine=engine, frames=frames, fps=fps, animation=animation)
+        with Progress(quiet=output.json) as progress:
+            made = run(make_in_tasks, job, how, progress)
+        keep_report(report_to, made)
+        emit(output, made, frames_text(made) if "frames" in made else report_text(made))
+        return
     if memory is not None:
         check_alone(file, output.profile, {"--nodes": nodes, "--ports": ports, "--resume": resume})
         from scenectl.still_within import make_within
 
         with Progress(quiet=output.json) as progress:
-            report = run(make_within, memory.bytes, job, progress)
-        emit(output, report, report_text(report))
+            made = run(make_within, memory.bytes, job, progress)
+        keep_report(report_to, made)
+        emit(output, made, report_text(made))
         return
     again = nullcontext() if output.profile is None else going_on("render again")
     with again, Progress(quiet=output.json) as progress:
-        report = run(make_still, job, progress)
-    emit(output, report, report_text(report))
+        made = run(make_still, job, progress)
+    keep_report(report_to, made)
+    emit(output, made, report_text(made))
 
 
 def check_alone(file: Path | None, profile: str | None, given: Mapping[str, object]) -> None:

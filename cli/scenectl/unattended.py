@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from scenectl.image_options import USUAL_IMAGE, ImageOptions
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table, time_text
+from scenectl.partition_options import PartitionOption
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,7 +28,13 @@ if TYPE_CHECKING:
 TITLES = ("render", "scene", "size", "samples", "state", "begun", "organiser")
 
 
-def start(*, scene: SceneOption, image: ImageOptions = USUAL_IMAGE, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def start(
+    *,
+    scene: SceneOption,
+    partition: PartitionOption = "spatial",
+    image: ImageOptions = USUAL_IMAGE,
+    output: ProfileOutput = DEFAULT_PROFILE,
+) -> None:
     """Have an image of a scene in the cluster rendered, and do not wait for it: it goes on when this command has ended.
 
     It ends once all nodes have what they need and trace, and prints the render's name. The image stays with one of the nodes, in
@@ -39,11 +46,18 @@ def start(*, scene: SceneOption, image: ImageOptions = USUAL_IMAGE, output: Prof
     ----------
     scene
         Name of the scene.
+    partition
+        How the work is shared out: spatial. The others need somebody who waits, as `scenectl render still` does.
     """
     from scenectl.progress import Progress
     from scenectl.running import connected, run
     from scenectl.still import anew_text, left_out_text, render_progress
 
+    if partition != "spatial":
+        from scenefold.base.errors import UsageFault
+
+        what = f"a {partition} partition is put together by who asked for it, and nobody would be there"
+        raise UsageFault(what, where="scenectl render start", remedy="use scenectl render still")
     options = image.checked("scenectl render start")
 
     def tell(renderers: Renderers) -> None:
@@ -130,6 +144,7 @@ def fetch(
     view: Literal["agx", "filmic", "srgb"] = "agx",
     wait: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     keep: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    report_to: Annotated[Path | None, Parameter(name="--report")] = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Fetch a render's image, and let its node forget it once it is written.
@@ -148,13 +163,16 @@ def fetch(
         Wait for the image if it is not there yet.
     keep
         Leave the image where it is, too, for as long as it would have been there.
+    report_to
+        File that gets the report as JSON, for `scenectl render report`.
     """
     from scenectl.progress import Progress
+    from scenectl.render_report import keep_report
     from scenectl.running import connected, run
     from scenectl.still import ImageFiles, check_files, render_progress, report_text, write_image
 
     files = ImageFiles.beside(to, view)
-    check_files(None, files.exr, files.png)
+    check_files(None, files.exr, files.png, *(() if report_to is None else (report_to,)))
 
     async def get(progress: Progress) -> dict[str, Any]:
         from scenefold.render.unattended import fetch_render, find_render
@@ -180,6 +198,7 @@ def fetch(
 
     with Progress(quiet=output.json) as progress:
         report = run(get, progress)
+    keep_report(report_to, report)
     emit(output, report, report_text(report))
 
 

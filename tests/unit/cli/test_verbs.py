@@ -76,6 +76,7 @@ VERBS = [
     "key export",
     "key import",
     "render still",
+    "render report",
     "bench curve",
     "bench hostile",
     "bench log",

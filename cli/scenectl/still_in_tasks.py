@@ -1,0 +1,209 @@
+"""`render still --partition visual|temporal`: no pool, but tasks that read the scene from its store (specs/32-partitions.md)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from scenectl.partition_options import Frames, numbered
+from scenectl.still import ImageFiles, Phases, StillJob, write_image
+
+if TYPE_CHECKING:
+    from scenefold.client import Cluster, Scene
+    from scenefold.client.progress import ProgressCallback
+    from scenefold.render.job import RenderOptions
+    from scenefold.render.layers import Pixels
+    from scenefold.render.tasks.rendering import Progress, Workers
+    from scenefold.render.tasks.sources import Source
+
+
+@dataclass(frozen=True, kw_only=True)
+class InTasks:
+    """How the work is shared out."""
+
+    partition: str
+    engine: str | None
+    """Address of a Dask scheduler; None: threads of this process."""
+    frames: Frames | None = None
+    fps: float | None = None
+    animation: str | None = None
+
+
+class _Ready(NamedTuple):
+    """What can be rendered."""
+
+    source: Source
+    options: RenderOptions
+    exposure: float | None
+    content: bytes | None
+    nodes: int
+    """Of the cluster that holds the scene; 0: none does."""
+
+
+async def make_in_tasks(job: StillJob, how: InTasks, progress: ProgressCallback) -> dict[str, Any]:
+    """Do the whole job, and return its report (docs/reference/scenectl.md, *Report of an image*)."""
+    from scenefold.render.tasks.engine import checked_address
+
+    address = None if how.engine is None else checked_address(how.engine, is_secret=job.profile is not None)
+    workers = _workers(address, job.threads)
+    phases, tell = Phases(), _task_progress(progress)
+    async with _ready(job, phases, progress) as ready:
+        if how.partition == "visual":
+            made = await _one_image(job, ready, workers, tell, phases)
+        else:
+            made = await _frames(job, how, ready, workers, tell, phases)
+    return {
+        "scene": job.scene_name,
+        "file": None if job.file is None else str(job.file),
+        "time": None if job.moment is None else job.moment.time_s,
+        "nodes": ready.nodes,
+        "records_per_node": None,
+        **made,
+        "left_out": [],
+        "seconds": phases.seconds,
+    }
+
+
+async def _one_image(job: StillJob, ready: _Ready, workers: Workers, tell: Progress, phases: Phases) -> dict[str, Any]:
+    import trio
+
+    from scenefold.render.tasks.rendering import render_visual
+
+    with phases.time("render"):
+        made = await render_visual(ready.source, ready.options, workers, tell, ready.content)
+    with phases.time("write"):
+        write = partial(write_image, job.scene_name, job.files, ready.options, made.layers, ready.exposure)
+        written = await trio.to_thread.run_sync(write)
+    return {"import": _imported(job, made.not_carried), **made.report, **written}
+
+
+async def _frames(job: StillJob, how: InTasks, ready: _Ready, workers: Workers, tell: Progress, phases: Phases) -> dict[str, Any]:
+    from scenefold.render.tasks.rendering import render_temporal
+
+    numbers = None if how.frames is None else how.frames.numbers
+    sources = [ready.source] if numbers is None else [_at(ready.source, number, how) for number in numbers]
+    files = [job.files] if numbers is None else [_files_of(job.files, number) for number in numbers]
+    written: dict[int, dict[str, Any]] = {}
+    left: dict[str, None] = {}
+
+    def made(index: int, layers: dict[str, Pixels], not_carried: tuple[str, ...]) -> None:
+        written[index] = write_image(job.scene_name, files[index], ready.options, layers, ready.exposure)
+        left.update(dict.fromkeys(not_carried))
+
+    with phases.time("render"):
+        report = await render_temporal(sources, ready.options, workers, tell, made, ready.content)
+    document = {"import": _imported(job, tuple(left)), **report}
+    if numbers is None:
+        return document | written[0]
+    of_frame = ("image_sha256", "exr", "png", "exposure", "pixels_not_finite")
+    rows = [{"frame": number} | {name: written[index][name] for name in of_frame} for index, number in enumerate(numbers)]
+    return document | {name: value for name, value in written[0].items() if name not in of_frame} | {"frames": rows}
+
+
+def frames_text(report: dict[str, Any]) -> str:
+    """The report of several frames as a short table for people."""
+    frames = report["frames"]
+    last = frames[-1]
+    seconds = ", ".join(f"{phase} {value:.1f}" for phase, value in report["seconds"].items())
+    rows = (
+        ("samples per pixel", f"{report['samples_per_pixel']:,.3g}"),
+        ("paths/s", f"{report['paths_per_second']:,.0f}"),
+        ("processes that rendered", len(report["render_nodes"])),
+        ("efficiency", f"{report['efficiency']:.3f}"),
+        ("seconds", seconds),
+    )
+    lines = [f"{len(frames):,} frames are written, {frames[0]['exr']} to {last['exr']}, each with a PNG beside it."]
+    lines += [f"  {label + ':':<28}{value}" for label, value in rows]
+    lines += [f"  not carried over: {missing}" for missing in (report["import"] or {}).get("not_carried", [])]
+    return "\n".join(lines)
+
+
+@asynccontextmanager
+async def _ready(job: StillJob, phases: Phases, progress: ProgressCallback) -> AsyncIterator[_Ready]:
+    """Who reads it, and with which options; while this lasts a cluster in render mode stays in it."""
+    from scenefold.render.tasks.sources import ClusterScene, SceneFile
+    from scenefold.scene.importers import AT_REST
+
+    if job.profile is None:
+        assert job.file is not None
+        environment = None if job.environment is None else job.environment.absolute()
+        file = SceneFile(job.file.absolute(), job.moment or AT_REST, environment)
+        yield _Ready(file, job.options.checked(), job.options.exposure, None, 0)
+        return
+    from scenectl.passphrases import known_passphrase
+    from scenectl.running import connected
+    from scenefold.base.errors import LocalFault
+
+    async with AsyncExitStack() as stack:
+        cluster = await stack.enter_async_context(connected(job.profile))
+        scene = await _scene(job, cluster, phases, progress)
+        said = job.options.heeded((await scene.render_settings()).settings)
+        await stack.enter_async_context(cluster.calls.leases.rendering(scene.access))
+        content = await scene.content()
+        if content is None:
+            raise LocalFault("the scene is empty", where=job.scene_name, remedy="import a file into it first: scenectl scene import")
+        exposure = job.options.exposure if job.options.exposure is not None else said.exposure
+        source = ClusterScene(_profile_of(job.profile), job.scene_name, known_passphrase)
+        yield _Ready(source, job.options.checked(said), exposure, content.digest, len(await cluster.nodes()))
+
+
+async def _scene(job: StillJob, cluster: Cluster, phases: Phases, progress: ProgressCallback) -> Scene:
+    from scenefold.client import prepare_import
+
+    if job.file is None:
+        return await cluster.scenes.open(job.scene_name)
+    with phases.time("read"):
+        prepared = await prepare_import(cluster.calls.world, job.file, progress, job.moment, job.environment)
+    prepared.check_camera(job.options.camera)
+    with phases.time("import"):
+        scene, _ = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
+    return scene
+
+
+def _profile_of(profile: str) -> str:
+    """As tasks find it: a name is one on any computer, a folder has a path."""
+    return os.path.abspath(profile) if os.path.isdir(profile) else profile  # noqa: PTH100, PTH112  text in, text out
+
+
+def _workers(address: str | None, threads: int | None) -> Workers:
+    from scenefold.peer.settings import processors
+    from scenefold.render.tasks.rendering import Workers
+
+    return Workers(threads=threads or processors(), address=address)
+
+
+def _at(source: Source, frame: int, how: InTasks) -> Source:
+    from scenefold.render.tasks.sources import SceneFile
+    from scenefold.scene.importers import FPS_USUAL, moment_of_frame
+
+    assert isinstance(source, SceneFile), "frames are of a file"
+    return replace(source, moment=moment_of_frame(frame, FPS_USUAL if how.fps is None else how.fps, how.animation))
+
+
+def _files_of(files: ImageFiles, frame: int) -> ImageFiles:
+    return replace(files, exr=numbered(files.exr, frame), png=numbered(files.png, frame))
+
+
+def _imported(job: StillJob, not_carried: tuple[str, ...]) -> dict[str, Any] | None:
+    return None if job.file is None else {"not_carried": list(not_carried)}
+
+
+def _task_progress(progress: ProgressCallback) -> Progress:
+    from scenefold.client import ProgressState
+
+    units = {"prepare": "engine", "render": "tasks"}
+    return lambda phase, done, total: progress(ProgressState(phase, done, total, units[phase]))
+
+
+def check_frames_writable(files: ImageFiles, frames: Frames) -> None:
+    """LocalFault if the first frame cannot be written where it is to go."""
+    from scenefold.render.image_files import check_writable
+
+    first: list[Path] = [numbered(path, frames.first) for path in (files.exr, files.png)]
+    for path in first:
+        check_writable(path)

@@ -1,0 +1,72 @@
+"""If this fails, an option of one way to share a render out is ignored in silence by another, or frames are others than were asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scenectl.partition_options import FRAMES_MAX, Frames, numbered
+from scenectl.program import main
+
+WRONG = {
+    "--engine tcp://127.0.0.1:8786": "rendered by nodes, and not by an engine",
+    "--frames 0-3": "--frames goes with --partition temporal",
+    "--partition visual --frames 0-3": "makes one image",
+    "--partition visual --nodes 3": "--nodes is of a spatial partition",
+    "--partition visual --ports 2000,2001": "--ports is of a spatial partition",
+    "--partition temporal --memory 1GiB": "--memory is of a spatial partition",
+    "--partition temporal --resume kept": "--resume is of a spatial partition",
+    "--partition temporal --frames 0-3 --frame 2": "--frames and --frame are given",
+    "--partition temporal --frames 0-3 --time 2": "--frames and --time are given",
+    "--partition temporal --frames 3-0": "comes before the first",
+    "--partition temporal --frames 3-": "FIRST-LAST",
+    "--partition temporal --frames=-3": "FIRST-LAST",
+    "--partition temporal --frames many": "FIRST-LAST",
+    "--partition temporal --frames 0-100000": "100,000 frames",
+    "--partition visual --engine 127.0.0.1": "no address of a Dask scheduler",
+    "--partition visual --engine tcp://127.0.0.1:8786 --threads 2": "--threads are of this process",
+    "--partition diagonal": "diagonal",
+}
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for variable in ("SCENEFOLD_NODES", "SCENEFOLD_THREADS", "SCENEFOLD_PORTS", "SCENEFOLD_PROFILE"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.chdir(tmp_path)
+    Path("a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+
+
+@pytest.mark.parametrize("options", WRONG)
+def test_what_does_not_go_together_is_wrong_usage(options: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "still", "a.obj", *options.split()]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and said.count("\n") == 1 and WRONG[options] in said
+
+
+def test_frames_are_of_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "still", "--scene", "a", "--profile", "p", "--partition", "temporal", "--frames", "0-3"]) == 2
+    assert "--frames is of a file" in capsys.readouterr().err
+
+
+def test_a_scene_of_a_cluster_is_not_given_to_an_open_engine(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "still", "--scene", "a", "--profile", "p", "--partition", "visual", "--engine", "tcp://10.0.0.5:8786"]) == 2
+    assert "tls://" in capsys.readouterr().err
+
+
+def test_who_starts_a_render_and_leaves_is_told_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "start", "--scene", "a", "--profile", "p", "--partition", "visual"]) == 2
+    assert "scenectl render still" in capsys.readouterr().err
+
+
+def test_frames_are_both_ends_and_those_between() -> None:
+    assert list(Frames.parse("3-5").numbers) == [3, 4, 5]
+    assert list(Frames.parse(" 12 ").numbers) == [12]
+    assert len(Frames.parse(f"1-{FRAMES_MAX}").numbers) == FRAMES_MAX
+    assert str(Frames.parse("3-5")) == "3-5"
+
+
+def test_their_numbers_stand_in_their_names() -> None:
+    assert numbered(Path("a/fox.exr"), 7) == Path("a/fox.0007.exr")
+    assert numbered(Path("fox.png"), 12345) == Path("fox.12345.png")
