@@ -193,7 +193,8 @@ def report_text(report: dict[str, Any]) -> str:
         if report.get(key) is not None:
             lines.append(f"  {label + ':':<28}{_value_text(key, report[key])}")
         if key == "nodes" and report["render_nodes"]:
-            lines.append(f"  {'nodes that rendered:':<28}{len(report['render_nodes'])}")
+            who = "nodes" if report.get("partition", "spatial") == "spatial" else "processes"
+            lines.append(f"  {who + ' that rendered:':<28}{len(report['render_nodes'])}")
     memory = report.get("memory")
     if memory is not None:
         lines.append(f"  {'memory budget:':<28}{size_text(memory['budget'])}, {size_text(memory['trees_most'])} in trees at most")

@@ -70,15 +70,14 @@ async def make_in_tasks(job: StillJob, how: InTasks, progress: ProgressCallback)
 
 
 async def _one_image(job: StillJob, ready: _Ready, workers: Workers, tell: Progress, phases: Phases) -> dict[str, Any]:
-    import trio
-
     from scenefold.render.tasks.rendering import render_visual
+    from scenefold.world import offline_world
 
     with phases.time("render"):
         made = await render_visual(ready.source, ready.options, workers, tell, ready.content)
     with phases.time("write"):
         write = partial(write_image, job.scene_name, job.files, ready.options, made.layers, ready.exposure)
-        written = await trio.to_thread.run_sync(write)
+        written = await offline_world().workers.run("import", write)
     return {"import": _imported(job, made.not_carried), **made.report, **written}
 
 

@@ -74,7 +74,7 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Two nodes that hold the sample scene as "kitchen"."""
     folder = tmp_path_factory.mktemp("running")
     with running("node", "local", "2", "--folder", folder, "--ports", ports_option(*addresses(2)), "--json") as (_, ready):
-        imported = scenectl("scene", "import", sample_scene_path(), "--name", "kitchen", profile=ready["profile"])
+        imported = scenectl("scene", "import", sample_scene_path(), "--scene", "kitchen", profile=ready["profile"])
         assert imported.code == 0, imported.err
         yield ready["profile"]
 
@@ -153,11 +153,15 @@ def test_a_worker_that_dies_is_no_end_and_one_after_the_other_is(tmp_path: Path)
 
 
 @needs_dask
-def test_an_engine_that_is_away(tmp_path: Path) -> None:
+def test_an_engine_that_is_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    from scenefold.render.tasks import engine
+
+    monkeypatch.setattr(engine, "CONNECT_S", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-    ended = still(sample_scene_path(), "--partition", "visual", "--engine", address, "-o", tmp_path / "x.exr")
-    assert "no Dask scheduler answers" in ended.refusal(3)
+    with pytest.raises(Unreachable, match="no Dask scheduler answers") as error:
+        engine.ClusterEngine(address, nothing)
+    assert error.value.where == address and error.value.remedy
 
 
 @needs_dask

@@ -15,6 +15,7 @@ import trio
 from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.render.tasks.engine import ThreadsEngine, checked_address, done_by
 from scenefold.render.tasks.holding import RenderEnded
+from scenefold.world import offline_world
 
 needs_dask = pytest.mark.skipif(importlib.util.find_spec("dask") is None, reason="dask is not installed: it is an optional extra")
 
@@ -63,7 +64,7 @@ def numbered(number: int) -> int:
 @needs_dask
 async def test_all_tasks_are_done_once() -> None:
     taken: list[int] = []
-    await done_by(ThreadsEngine(3, nothing), [partial(numbered, number) for number in range(50)], taken.append)
+    await done_by(ThreadsEngine(3, nothing), [partial(numbered, number) for number in range(50)], taken.append, offline_world().workers)
     assert sorted(taken) == list(range(50))
 
 
@@ -79,7 +80,7 @@ async def test_the_error_of_a_task_is_ours_and_the_others_end() -> None:
         raise LocalFault("the file is none", where="a.glb", remedy="give another")
 
     with pytest.raises(BaseExceptionGroup) as group:
-        await done_by(ThreadsEngine(2, ended.set), [waits, fails], lambda _: None)
+        await done_by(ThreadsEngine(2, ended.set), [waits, fails], lambda _: None, offline_world().workers)
     (fault,) = group.value.exceptions
     assert isinstance(fault, LocalFault) and fault.where == "a.glb"
 
@@ -97,7 +98,7 @@ async def test_a_cancelled_render_leaves_no_task_behind() -> None:
     taken: list[int] = []
     with trio.CancelScope() as scope:
         async with trio.open_nursery() as nursery:
-            nursery.start_soon(done_by, ThreadsEngine(1, ended.set), [waits, partial(numbered, 1)], taken.append)
+            nursery.start_soon(done_by, ThreadsEngine(1, ended.set), [waits, partial(numbered, 1)], taken.append, offline_world().workers)
             await trio.to_thread.run_sync(partial(begun.wait, 20))
             scope.cancel()
     assert scope.cancelled_caught and left.is_set() and taken == []

@@ -87,6 +87,40 @@ def test_a_report_says_what_the_nodes_did() -> None:
     assert "failure" not in report["render_nodes"][0] and report["render_nodes"][0]["busy_seconds"] == 0.25
 
 
+def test_rounds_and_tail_are_told_and_an_earlier_organiser_knows_of_none() -> None:
+    rows = [{**node(address), "processor_seconds": 1.5, "memory_most": 1 << 28} for address in ADDRESSES]
+    report = told({**STATE, "rounds": [[150, 100, 2], [60, 30, 2]], "tail": [3.0, 4.0], "nodes": rows})
+    assert report["rounds"] == [{"cell_visits": 150, "efficiency": 0.75}, {"cell_visits": 60, "efficiency": 1.0}]
+    assert report["efficiency_of_rounds"] == 210 / 260 and report["tail"] == {"seconds_to_95": 3.0, "seconds_to_100": 4.0}
+    assert report["render_nodes"][0]["processor_seconds"] == 1.5 and report["render_nodes"][0]["memory_most"] == 1 << 28
+    before = told(STATE)
+    assert (before["rounds"], before["efficiency_of_rounds"], before["tail"]) == ([], 1.0, None)
+    assert before["render_nodes"][0]["memory_most"] == 0
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("rounds", 5),
+        ("rounds", [[5, 6, 2]]),
+        ("rounds", [[5, 2, 2]]),
+        ("rounds", [[5, 5]]),
+        ("rounds", [[5, 5, 128]]),
+        ("rounds", [[0, 0, 1]]),
+        ("rounds", [[5, 5, 1]] * 257),
+        ("tail", [1.0]),
+        ("tail", [1.0, -1.0]),
+        ("tail", [1.0, 2.0, 3.0]),
+        ("tail", [float("inf"), 1.0]),
+        ("nodes", [{**node("127.0.0.2"), "memory_most": -1}]),
+        ("nodes", [{**node("127.0.0.2"), "processor_seconds": "x"}]),
+    ],
+)
+def test_rounds_and_tails_that_cannot_be_are_refused(key: str, value: object) -> None:
+    with pytest.raises(PeerFault):
+        told({**STATE, key: value})
+
+
 def test_an_adaptive_image_has_from_its_least_to_its_most_paths() -> None:
     options = replace(OPTIONS, samples=512, adaptive=Adaptive(0.1, 64))
 

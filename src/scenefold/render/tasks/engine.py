@@ -7,6 +7,7 @@ business: it gives its tasks to others, and gives a task up whose workers die ag
 from __future__ import annotations
 
 import ipaddress
+import logging
 import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,9 @@ from urllib.parse import urlsplit
 import trio
 
 from scenefold.base.errors import LocalFault, ScenefoldError, Unreachable, UsageFault
+from scenefold.render.pool.share import LANE
 from scenefold.render.tasks.holding import RenderEnded
+from scenefold.world import Workers
 
 EXTRA = "scenefold[dask]"
 CONNECT_S = 10.0
@@ -55,11 +58,11 @@ class Engine(Protocol):
         ...
 
 
-async def done_by(engine: Engine, tasks: Sequence[Task[T]], take: Callable[[T], None]) -> None:
-    """Have all tasks done, as `Engine.map`. If this is cancelled they end soon, and it waits for that."""
+async def done_by(engine: Engine, tasks: Sequence[Task[T]], take: Callable[[T], None], workers: Workers) -> None:
+    """Have all tasks done, as `Engine.map`, which runs in a thread of `workers`. If this is cancelled they end soon, and it waits for that."""
     async with trio.open_nursery() as nursery:
         nursery.start_soon(_stop_if_cancelled, engine)
-        was_done = await trio.to_thread.run_sync(engine.map, tasks, take)
+        was_done = await workers.run(LANE, engine.map, tasks, take)
         if not was_done:
             await trio.sleep_forever()  # We are cancelled, and who stopped it will be told so.
         nursery.cancel_scope.cancel()
@@ -125,14 +128,9 @@ class ClusterEngine:
         self._heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
         """Futures that are done; None: it was stopped."""
         self.name = address
-        try:
-            self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-        except OSError as error:
-            remedy = "start one there (dask scheduler), with workers, or give the address that it says"
-            raise Unreachable("no Dask scheduler answers", where=address, remedy=remedy) from error
-        except (TypeError, ValueError, RuntimeError) as error:
-            what = f"the engine cannot be used ({error:.200})"
-            raise LocalFault(what, where=address, remedy="for tls:// say in Dask's configuration which certificates count") from error
+        # What it would say of trouble, tracebacks included, is told by our errors.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        self._client = self._connected(address)
         self.workers = self._threads()
         if not self.workers:
             self._client.close()
@@ -173,6 +171,17 @@ class ClusterEngine:
             self._client.run(self._end, on_error="ignore")
         self._client.close()
 
+    def _connected(self, address: str) -> Any:
+        security = self._distributed.Security()
+        if address.startswith("tls:") and security.get_connection_args("client").get("ssl_context") is None:
+            remedy = "name them in Dask's configuration, under distributed.comm.tls"
+            raise LocalFault("nothing says which certificates count for an engine by tls", where=address, remedy=remedy)
+        try:
+            return self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False, security=security)
+        except OSError as error:
+            remedy = "start one there (dask scheduler), with workers, or give the address that it says"
+            raise Unreachable("no Dask scheduler answers", where=address, remedy=remedy) from error
+
     def _threads(self) -> int:
         try:
             return sum(self._client.nthreads().values())
@@ -192,7 +201,7 @@ class ClusterEngine:
             remedy = "see what they logged: they may want more memory for the whole scene, or fewer threads"
             raise LocalFault(what, where=self.name, remedy=remedy) from error
         except (ImportError, AttributeError) as error:
-            what = f"a worker of the engine cannot do what this version wants of it ({error:.200})"
+            what = f"a worker of the engine cannot do what this version wants of it ({error!s:.200})"
             raise LocalFault(what, where=self.name, remedy=f"install the same version of {EXTRA} there") from error
         except (OSError, self._distributed.CancelledError) as error:
             raise self._gone() from error

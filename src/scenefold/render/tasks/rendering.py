@@ -18,6 +18,7 @@ from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import Pixels
+from scenefold.render.pool.share import LANE
 from scenefold.render.tasks.engine import ClusterEngine, Engine, ThreadsEngine, done_by
 from scenefold.render.tasks.figures import Figures
 from scenefold.render.tasks.runs import runs_of
@@ -56,7 +57,7 @@ async def render_visual(source: Source, options: RenderOptions, workers: Workers
     `content`: the digest of the scene's document; None: whatever it is. LocalFault, Refused, Unreachable or DamagedData say why there is none.
     """
     options.check()
-    render, progress = _named(), _on_trio(progress)
+    render, progress, threads = _named(), _on_trio(progress), offline_world().workers
     figures, film = Figures(), Film(options.window.width, options.window.height, options.columns)
     goes_on, before = EVERY_ROW, 0
     async with _engine(render, workers, progress) as (engine, seconds):
@@ -65,17 +66,17 @@ async def render_visual(source: Source, options: RenderOptions, workers: Workers
             runs = [(run, slice_of(goes_on, run)) for run in runs_of(options.window.pixels, before, level, engine.workers)]
             asked = Asked(render, source, options, content)
             tasks = [partial(trace_run, asked, run, part) for run, part in runs if part is not None]
-            await done_by(engine, tasks, _Rows(film, figures, progress, len(tasks)))
+            await done_by(engine, tasks, _Rows(film, figures, progress, len(tasks)), threads)
             before = level
             if options.adaptive is not None and level < options.samples:
-                goes_on = await trio.to_thread.run_sync(going_on, film, options.adaptive.noise, goes_on)
+                goes_on = await threads.run(LANE, going_on, film, options.adaptive.noise, goes_on)
                 if not goes_on.any():
                     break
         seconds["render"] = time.monotonic() - begun
     seen = figures.seen
     assert seen is not None, "something was traced"
     begun = time.monotonic()
-    layers = await trio.to_thread.run_sync(develop, film, options.layers, seen.box, seen.near)
+    layers = await threads.run(LANE, develop, film, options.layers, seen.box, seen.near)
     seconds["merge"] = time.monotonic() - begun
     report = {"partition": "visual", "engine": engine.name, **figures.document(options.window.pixels, seconds)}
     return Made(layers, report, seen.not_carried)
@@ -94,7 +95,7 @@ async def render_temporal(
     `content` and errors as of `render_visual`. Frames that were made before one of them failed have been given to `made`.
     """
     options.check()
-    render, progress = _named(), _on_trio(progress)
+    render, progress, threads = _named(), _on_trio(progress), offline_world().workers
     figures, done = Figures(), 0
 
     def take(index_and_frame: tuple[int, MadeFrame]) -> None:
@@ -108,7 +109,7 @@ async def render_temporal(
     async with _engine(render, workers, progress) as (engine, seconds):
         begun = time.monotonic()
         tasks = [partial(_numbered_frame, index, Asked(render, source, options, content)) for index, source in enumerate(frames)]
-        await done_by(engine, tasks, take)
+        await done_by(engine, tasks, take, threads)
         seconds["render"] = time.monotonic() - begun
     document = figures.document(options.window.pixels * len(frames), seconds)
     return {"partition": "temporal", "engine": engine.name, **document}
@@ -148,16 +149,16 @@ class _Rows:
 async def _engine(render: str, workers: Workers, progress: Progress) -> AsyncIterator[tuple[Engine, dict[str, float]]]:
     """Of one render, and seconds that its phases have taken; what tasks hold is let go of at the end."""
     progress("prepare", 0, 1)
-    begun = time.monotonic()
+    begun, threads = time.monotonic(), offline_world().workers
     end = partial(end_render, render)
     made: Engine
     if workers.address is None:
-        made = await trio.to_thread.run_sync(ThreadsEngine, workers.threads, end)
+        made = await threads.run(LANE, ThreadsEngine, workers.threads, end)
     else:
-        made = await trio.to_thread.run_sync(ClusterEngine, workers.address, end)
+        made = await threads.run(LANE, ClusterEngine, workers.address, end)
     try:
         progress("prepare", 1, 1)
         yield made, {"prepare": time.monotonic() - begun}
     finally:
         with trio.CancelScope(shield=True):
-            await trio.to_thread.run_sync(made.close)
+            await threads.run(LANE, made.close)

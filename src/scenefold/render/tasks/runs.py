@@ -16,8 +16,8 @@ ROWS_LEAST = 4_096
 """Fewer rays at a time are traced less well;"""
 ROWS_MOST = PASS_PATHS_MAX
 """more have no number in their ray's record."""
-PATHS_MOST = 1 << 23
-"""Of one run: what is lost with a worker is some ten seconds of its work."""
+PATHS_MOST = 1 << 22
+"""Of one run: what is lost with a worker is some seconds of its work."""
 
 
 @dataclass(frozen=True, slots=True)
