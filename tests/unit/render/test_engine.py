@@ -98,7 +98,7 @@ async def test_a_cancelled_render_leaves_no_task_behind() -> None:
     taken: list[int] = []
     with trio.CancelScope() as scope:
         async with trio.open_nursery() as nursery:
-            nursery.start_soon(done_by, ThreadsEngine(1, ended.set), [waits, partial(numbered, 1)], taken.append, offline_world().workers)
+            nursery.start_soon(done_by, ThreadsEngine(1, ended.set), [waits, waits], taken.append, offline_world().workers)
             await trio.to_thread.run_sync(partial(begun.wait, 20))
             scope.cancel()
     assert scope.cancelled_caught and left.is_set() and taken == []
