@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import resource
-import sys
 import time
+from pathlib import Path
 from typing import NamedTuple
 
-_UNIT = 1 if sys.platform == "darwin" else 1024
-"""Of the system's figure."""
+_STATUS = Path("/proc/self/status")
+_MOST = re.compile(rb"^VmHWM:\s+(\d+) kB$", re.MULTILINE)
 
 
 class ProcessUse(NamedTuple):
@@ -21,5 +22,14 @@ class ProcessUse(NamedTuple):
 
 
 def process_use() -> ProcessUse:
-    """Of this process, without those that it started."""
-    return ProcessUse(time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _UNIT)
+    """Of this process, without those that it started. Takes some ten microseconds."""
+    return ProcessUse(time.process_time(), _memory_most())
+
+
+def _memory_most() -> int:
+    try:
+        found = _MOST.search(_STATUS.read_bytes())
+    except OSError:
+        found = None
+    # What getrusage says is, of a process that was started by a large one, also what that one had.
+    return int(found[1]) << 10 if found else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
