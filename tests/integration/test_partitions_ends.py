@@ -61,6 +61,7 @@ def test_ctrl_c_ends_threads(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["room.obj"]
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_the_tasks_of_an_engine(tmp_path: Path) -> None:
     engine = tmp_path / "engine"
     engine.mkdir()
@@ -75,6 +76,7 @@ def test_ctrl_c_ends_the_tasks_of_an_engine(tmp_path: Path) -> None:
         assert ended.code == 0, ended.err
 
 
+@pytest.mark.long
 def test_an_engine_that_goes_away_is_one_clear_error(tmp_path: Path) -> None:
     engine = tmp_path / "engine"
     engine.mkdir()
@@ -87,6 +89,7 @@ def test_an_engine_that_goes_away_is_one_clear_error(tmp_path: Path) -> None:
             assert said[-1].startswith("error: the engine's scheduler has gone")
 
 
+@pytest.mark.long
 def test_an_engine_by_tls(tmp_path: Path) -> None:
     settings = certificates(tmp_path)
     (tmp_path / "room.obj").write_text(ROOM)

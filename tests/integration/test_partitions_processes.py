@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
 import socket
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,11 +17,10 @@ import pytest
 from integration.dask_cluster import NEEDS, always_dies, dask_cluster, dies_once, nothing
 from integration.scenectl_process import Done, running, scenectl
 from loopback import addresses, ports_option
+from scenectl.program import main
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.scene.sample import sample_scene_path
 
-LIMIT_S = 240.0
-"""The first render after a change of the kernels compiles them."""
 SIZE = ("--size", "48x27", "--samples", "4")
 SKY = ("--sky", "0.5,0.6,0.7")
 HAS_DASK = all(importlib.util.find_spec(name) for name in ("dask", "distributed"))
@@ -28,12 +29,20 @@ pytestmark = pytest.mark.timeout(360)
 needs_dask = pytest.mark.skipif(not HAS_DASK, reason=NEEDS)
 
 
-def still(*arguments: str | Path, profile: str | None = None, **env: str) -> Done:
-    return scenectl("render", "still", *arguments, *SIZE, "--json", profile=profile, limit_s=LIMIT_S, **env)
+def still(*arguments: str | Path, profile: str | None = None) -> Done:
+    """`render still`, in this process: others need not import everything anew."""
+    return here("render", "still", *arguments, *SIZE, "--json", *(() if profile is None else ("--profile", profile)))
 
 
-def done(*arguments: str | Path, profile: str | None = None, **env: str) -> Any:
-    ended = still(*arguments, profile=profile, **env)
+def here(*arguments: str | Path) -> Done:
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = main([str(argument) for argument in arguments])
+    return Done(code, out.getvalue().encode(), err.getvalue())
+
+
+def done(*arguments: str | Path, profile: str | None = None) -> Any:
+    ended = still(*arguments, profile=profile)
     assert ended.code == 0, ended.err
     return ended.json
 
@@ -101,14 +110,14 @@ def test_three_ways_and_one_table(profile: str, tmp_path: Path) -> None:
         hashes.add(report["image_sha256"])
     assert len(hashes) == 1
     files = [tmp_path / f"{way}.json" for way in ("spatial", "visual", "temporal")]
-    compared = scenectl("render", "report", *files, "--json")
+    compared = here("render", "report", *files, "--json")
     assert compared.code == 0, compared.err
     assert compared.json["same_image"] is True
     spatial, visual, _ = compared.json["renders"]
     assert (spatial["nodes"], visual["nodes"]) == (2, 1)
     assert spatial["bytes_passed"] > 0 == visual["bytes_passed"] and visual["bytes_returned"] > 0
     assert spatial["rounds"] >= 1 and spatial["tail"] >= 1 and visual["rounds"] is None
-    table = scenectl("render", "report", *files)
+    table = here("render", "report", *files)
     assert table.code == 0 and b"efficiency by rounds" in table.out and table.out.count(b"\n") > 15
 
 
@@ -165,6 +174,14 @@ def test_an_engine_that_is_away(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @needs_dask
+def test_an_engine_by_tls_needs_certificates_that_count() -> None:
+    from scenefold.render.tasks.engine import ClusterEngine
+
+    with pytest.raises(LocalFault, match=r"which certificates count.*distributed.comm.tls"):
+        ClusterEngine("tls://127.0.0.1:8786", nothing)
+
+
+@needs_dask
 def test_an_engine_without_workers(tmp_path: Path) -> None:
     from scenefold.render.tasks.engine import ClusterEngine
 
@@ -189,15 +206,15 @@ def test_a_scene_that_the_cluster_does_not_have(profile: str, tmp_path: Path) ->
 
 @needs_dask
 def test_an_image_that_was_not_fetched_is_compared_by_its_name(profile: str, tmp_path: Path) -> None:
-    begun = scenectl("render", "start", "--scene", "kitchen", *SIZE, "--json", profile=profile, limit_s=LIMIT_S)
+    begun = here("render", "start", "--scene", "kitchen", *SIZE, "--json", "--profile", profile)
     assert begun.code == 0, begun.err
     name = begun.json["render"]
-    assert scenectl("render", "watch", name, profile=profile, limit_s=LIMIT_S).code == 0
-    compared = scenectl("render", "report", name[:8], "--json", profile=profile)
+    assert here("render", "watch", name, "--profile", profile).code == 0
+    compared = here("render", "report", name[:8], "--json", "--profile", profile)
     assert compared.code == 0, compared.err
     (row,) = compared.json["renders"]
     assert (row["report"], row["scene"], row["partition"], row["nodes"]) == (name[:8], "kitchen", "spatial", 2)
-    fetched = scenectl("render", "fetch", name, "-o", tmp_path / "x.exr", "--report", tmp_path / "x.json", profile=profile)
+    fetched = here("render", "fetch", name, "-o", tmp_path / "x.exr", "--report", tmp_path / "x.json", "--profile", profile)
     assert fetched.code == 0, fetched.err
-    assert scenectl("render", "report", tmp_path / "x.json").code == 0
-    assert "no such render" in scenectl("render", "report", name[:8], profile=profile).refusal(1)
+    assert here("render", "report", tmp_path / "x.json").code == 0
+    assert "no such render" in here("render", "report", name[:8], "--profile", profile).refusal(1)
