@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import trio
 
 from integration.dask_cluster import NEEDS, always_dies, dask_cluster, dies_once, nothing
 from integration.scenectl_process import Done, running, scenectl
@@ -20,6 +21,7 @@ from loopback import addresses, ports_option
 from scenectl.program import main
 from scenefold.base.errors import LocalFault, Unreachable
 from scenefold.scene.sample import sample_scene_path
+from scenefold.world import offline_world
 
 SIZE = ("--size", "48x27", "--samples", "4")
 SKY = ("--sky", "0.5,0.6,0.7")
@@ -148,13 +150,15 @@ def test_a_dask_cluster_makes_the_same_image(engine: str, profile: str, tmp_path
 
 @needs_dask
 def test_a_worker_that_dies_is_no_end_and_one_after_the_other_is(tmp_path: Path) -> None:
-    from scenefold.render.tasks.engine import ClusterEngine
+    from scenefold.render.tasks.engine import ClusterEngine, done_by
 
     with dask_cluster(2, tmp_path) as address:
         engine = ClusterEngine(address, nothing)
         try:
             taken: list[str] = []
-            assert engine.map([partial(dies_once, str(tmp_path / "mark"))], taken.append) and taken == ["done"]
+            for _ in range(2):
+                trio.run(done_by, engine, [partial(dies_once, str(tmp_path / "mark"))], taken.append, offline_world().workers)
+            assert taken == ["done", "done"]
             with pytest.raises(LocalFault, match="died one after the other"):
                 engine.map([always_dies], taken.append)
         finally:

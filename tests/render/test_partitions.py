@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.layers import BESIDE, Pixels, unpacked
 from scenefold.render.levels import Adaptive
 from scenefold.render.rehearsal.pool import Records, memory_pool
-from scenefold.render.tasks import rendering, runs, work
+from scenefold.render.tasks import engine, rendering, runs, work
 from scenefold.render.tasks.holding import RenderEnded
 from scenefold.render.tasks.rendering import Workers, render_temporal, render_visual
 from scenefold.render.tasks.sources import SceneFile
@@ -104,6 +105,16 @@ async def test_the_three_ways_give_the_same_bits(case: str, room: Records, file:
     )
     assert case != "adaptive" or visual.report["paths"] < options.window.pixels * options.samples
     assert visual.report["render_nodes"][0]["tasks"] > 4
+
+
+@pytest.mark.skipif(importlib.util.find_spec("dask") is None, reason="dask is not installed: it is an optional extra")
+@pytest.mark.parametrize("case", ["plain", "adaptive"])
+async def test_threads_that_dask_schedules_do_too(case: str, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = await render_visual(SceneFile(file), CASES[case], HERE, quiet)
+    monkeypatch.setattr(rendering, "ThreadsEngine", engine.ThreadsEngine)
+    with trio.fail_after(60):
+        together = await render_visual(SceneFile(file), CASES[case], HERE, quiet)
+    assert equal(together.layers, alone.layers) and together.report["engine"] == "threads"
 
 
 async def test_a_process_reads_the_scene_once_and_lets_it_go(file: Path) -> None:

@@ -69,6 +69,17 @@ async def test_all_tasks_are_done_once() -> None:
 
 
 @needs_dask
+async def test_an_engine_does_one_lot_after_the_other() -> None:
+    """As the levels of an adaptive render are done."""
+    ended = threading.Event()
+    engine, taken = ThreadsEngine(2, ended.set), list[int]()
+    with trio.fail_after(20):
+        for first in (0, 10):
+            await done_by(engine, [partial(numbered, first + number) for number in range(10)], taken.append, offline_world().workers)
+    assert sorted(taken) == list(range(20)) and not ended.is_set()
+
+
+@needs_dask
 async def test_the_error_of_a_task_is_ours_and_the_others_end() -> None:
     ended = threading.Event()
 

@@ -60,19 +60,22 @@ class Engine(Protocol):
 
 async def done_by(engine: Engine, tasks: Sequence[Task[T]], take: Callable[[T], None], workers: Workers) -> None:
     """Have all tasks done, as `Engine.map`, which runs in a thread of `workers`. If this is cancelled they end soon, and it waits for that."""
+    was_done = False
+
+    async def stop_if_cancelled() -> None:
+        try:
+            await trio.sleep_forever()
+        finally:
+            # It may have other tasks to do after these.
+            if not was_done:
+                engine.stop()
+
     async with trio.open_nursery() as nursery:
-        nursery.start_soon(_stop_if_cancelled, engine)
+        nursery.start_soon(stop_if_cancelled)
         was_done = await workers.run(LANE, engine.map, tasks, take)
         if not was_done:
             await trio.sleep_forever()  # We are cancelled, and who stopped it will be told so.
         nursery.cancel_scope.cancel()
-
-
-async def _stop_if_cancelled(engine: Engine) -> None:
-    try:
-        await trio.sleep_forever()
-    finally:
-        engine.stop()
 
 
 class ThreadsEngine:
