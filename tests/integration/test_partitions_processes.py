@@ -6,6 +6,8 @@ import importlib.util
 import io
 import json
 import socket
+import sys
+import types
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
@@ -175,6 +177,24 @@ def test_an_engine_that_is_away(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(Unreachable, match="no Dask scheduler answers") as error:
         engine.ClusterEngine(address, nothing)
     assert error.value.where == address and error.value.remedy
+
+
+@needs_dask
+def test_an_engine_without_the_program_is_one_clear_error(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from scenefold.render.tasks.engine import ClusterEngine
+
+    elsewhere = types.ModuleType("known_here_alone")
+    task = types.FunctionType(nothing.__code__, {}, "task")
+    task.__module__, task.__qualname__ = elsewhere.__name__, "task"
+    monkeypatch.setitem(sys.modules, elsewhere.__name__, elsewhere)
+    vars(elsewhere)["task"] = task
+    reached = ClusterEngine(engine, nothing)
+    try:
+        with pytest.raises(LocalFault, match=r"known_here_alone|deserialization") as error:
+            reached.map([task], lambda _: None)
+        assert "same version" in error.value.remedy
+    finally:
+        reached.close()
 
 
 @needs_dask

@@ -204,10 +204,18 @@ class ClusterEngine:
             remedy = "see what they logged: they may want more memory for the whole scene, or fewer threads"
             raise LocalFault(what, where=self.name, remedy=remedy) from error
         except (ImportError, AttributeError) as error:
-            what = f"a worker of the engine cannot do what this version wants of it ({error!s:.200})"
-            raise LocalFault(what, where=self.name, remedy=f"install the same version of {EXTRA} there") from error
+            raise self._unlike(error) from error
+        except RuntimeError as error:
+            # The scheduler has said that it cannot read a task, and logged why.
+            if "deserialization" not in str(error):
+                raise
+            raise self._unlike(error.__cause__ or error) from error
         except (OSError, self._distributed.CancelledError) as error:
             raise self._gone() from error
+
+    def _unlike(self, error: BaseException) -> LocalFault:
+        what = f"the engine cannot do what this version wants of it ({' '.join(str(error).split())[:120]})"
+        return LocalFault(what, where=self.name, remedy=f"install the same version of {EXTRA} for its scheduler and for all workers")
 
     def _gone(self) -> Unreachable:
         return Unreachable("the engine's scheduler has gone", where=self.name, remedy="start it, and render again")
