@@ -47,9 +47,10 @@ class _Ready(NamedTuple):
 
 async def make_in_tasks(job: StillJob, how: InTasks, progress: ProgressCallback) -> dict[str, Any]:
     """Do the whole job, and return its report (docs/reference/scenectl.md, *Report of an image*)."""
-    from scenefold.render.tasks.engine import checked_address
+    from scenefold.render.tasks.engine import check_installed, checked_address
 
     address = None if how.engine is None else checked_address(how.engine, is_secret=job.profile is not None)
+    check_installed(address)
     workers = _workers(address, job.threads)
     phases, tell = Phases(), _task_progress(progress)
     async with _ready(job, phases, progress) as ready:

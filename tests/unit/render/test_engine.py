@@ -13,7 +13,7 @@ import pytest
 import trio
 
 from scenefold.base.errors import LocalFault, UsageFault
-from scenefold.render.tasks.engine import ThreadsEngine, checked_address, done_by
+from scenefold.render.tasks.engine import ThreadsEngine, check_installed, checked_address, done_by
 from scenefold.render.tasks.holding import RenderEnded
 from scenefold.world import offline_world
 
@@ -51,6 +51,8 @@ def test_without_the_extra_one_error_names_it(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(LocalFault, match=r"needs the package dask.*pip install 'scenefold\[dask\]'"):
         ThreadsEngine(1, nothing)
+    with pytest.raises(LocalFault, match="needs the package dask"):
+        check_installed(None)
 
 
 def nothing() -> None:

@@ -224,6 +224,13 @@ class ClusterEngine:
         return Unreachable("the engine has no worker", where=self.name, remedy=f"start one: dask worker {self.name}")
 
 
+def check_installed(address: str | None) -> None:
+    """LocalFault without the extra, before anything else is done. `address`: of a scheduler; None: none is needed."""
+    _dask()
+    if address is not None:
+        _distributed()
+
+
 def checked_address(address: str, *, is_secret: bool) -> str:
     """The address of a scheduler; UsageFault if it is none, or does not hide what is secret (specs/32-partitions.md, What is sent)."""
     where, remedy = f"--engine {address:.200}", "give it as the scheduler says it, as tcp://10.0.0.5:8786 or tls://10.0.0.5:8786"
