@@ -51,6 +51,7 @@ from scenefold.world import World
 from scenefold.world.process_use import ProcessUse, process_use
 
 if TYPE_CHECKING:
+    from scenefold.render.pool.host import Host
     from scenefold.render.pool.service import RenderService
 
 P = TypeVar("P", bound=Packet)
@@ -69,10 +70,14 @@ ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays,
 class RenderExtension:
     """Starts the render service in a node when it is asked for something: to import it takes as long as all else, and many nodes only store."""
 
+    def __init__(self, service: Callable[[Host], RenderService] | None = None) -> None:
+        """`service`: makes it; None: with the renderer that comes with a node."""
+        self._service = service
+
     async def run(self, context: NodeContext, *, task_status: trio.TaskStatus[None]) -> None:
         """Answer for it until cancelled."""
         async with trio.open_nursery() as nursery:
-            late = _LateService(context, nursery)
+            late = _LateService(context, nursery, self._service)
             for packets, senders in ((ASKED_BY_ANYBODY, Senders.ANY), (ASKED_BY_NODES, Senders.NODES)):
                 for packet in packets:
                     context.handlers.add(packet, late.answer, senders=senders)
@@ -83,15 +88,15 @@ class RenderExtension:
 class _LateService:
     """The service, once there is one."""
 
-    def __init__(self, context: NodeContext, nursery: trio.Nursery) -> None:
-        self._context, self._nursery = context, nursery
+    def __init__(self, context: NodeContext, nursery: trio.Nursery, service: Callable[[Host], RenderService] | None) -> None:
+        self._context, self._nursery, self._service = context, nursery, service
         self._host = RenderHost(context)
         self._beginning = trio.Lock()
 
     async def answer(self, packet: Packet, peer: str) -> Packet | None:
         async with self._beginning:
             if not self._host.handlers:
-                service = await self._context.world.workers.run("render", _imported)
+                service = self._service or await self._context.world.workers.run("render", _imported)
                 await trio.lowlevel.checkpoint_if_cancelled()
                 # Whoever asked may go away meanwhile: what has begun to answer goes on.
                 with trio.CancelScope(shield=True):

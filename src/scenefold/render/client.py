@@ -165,7 +165,7 @@ async def render_still(
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
     wish = OneImage(cluster, scene, wanted, resume, progress, lost, back, organised_by)
-    (image, report), choice, begun = await _begun_until_it_is(wish, scene, wish.render, progress, tell, anew)
+    (image, report), choice, begun = await begun_until_it_is(wish, scene, wish.render, progress, tell, anew)
     exposure = options.exposure if options.exposure is not None else said.exposure
     layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)
     report |= {"begun": begun, "left_out": [one.document() for one in choice.renderers.left_out]}
@@ -211,12 +211,12 @@ async def start_still(
     said = options.heeded((await scene.render_settings()).settings)
     wish = OneImage(cluster, scene, options.checked(said), None, progress)
     unattended = Unattended(scene.name, options.exposure if options.exposure is not None else said.exposure)
-    taken, _, _ = await _begun_until_it_is(wish, scene, lambda choice: wish.begin(choice, unattended), progress, tell, anew)
+    taken, _, _ = await begun_until_it_is(wish, scene, lambda choice: wish.begin(choice, unattended), progress, tell, anew)
     progress("prepare", 1, 1)
     return Started(taken.job, address_of(taken.organiser), taken.renderers)
 
 
-async def _begun_until_it_is(
+async def begun_until_it_is(
     wish: OneImage,
     scene: Scene,
     do: Callable[[Choice], Awaitable[T]],

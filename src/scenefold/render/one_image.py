@@ -69,9 +69,13 @@ class OneImage:
         """That need not be traced again, whatever happens."""
         return 0 if self._keeper is None else self._keeper.keep.passes
 
+    async def may_render(self) -> Renderers:
+        """Who may, as the logs have it now."""
+        return await renderers_of(self._cluster, self._scene)
+
     async def choose(self) -> Choice:
         """Who may render it. Without anybody the organiser is node 0, which is none."""
-        return self._choice(await renderers_of(self._cluster, self._scene), self._scene.access.identity, frozenset())
+        return self._choice(await self.may_render(), self._scene.access.identity, frozenset())
 
     async def pause(self, seconds: float) -> None:
         """Before it is begun anew."""
@@ -93,7 +97,7 @@ class OneImage:
             await clock.sleep(CHOOSE_PAUSE_S)
 
     async def _chosen_of_those_that_answer(self) -> Choice:
-        renderers = await renderers_of(self._cluster, self._scene)
+        renderers = await self.may_render()
         identity = self._scene.access.identity  # with nothing awaited between: these are the keys that the choice is for
         silent, classes = await heard_of(self._cluster, self.asked.intersection(renderers.nodes))
         if silent and silent >= {*renderers.nodes}:

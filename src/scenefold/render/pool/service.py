@@ -67,11 +67,11 @@ _Arguments = TypeVarTuple("_Arguments")
 class RenderService:
     """All jobs on one node."""
 
-    def __init__(self, host: Host, renderer: str = "embree", pace: Pace = USUAL_PACE) -> None:
-        """`pace`: of cells in jobs that this node organises."""
+    def __init__(self, host: Host, renderer: str | Renderer = "embree", pace: Pace = USUAL_PACE) -> None:
+        """`renderer`: the name of an installed one, which is loaded when it is needed, or one that is here. `pace`: of cells in jobs that this node organises."""
         self._host, self._pace = host, pace
-        self._renderer_name = renderer
-        self._renderer: Renderer | None = None
+        self._renderer_name = renderer if isinstance(renderer, str) else ""
+        self._renderer: Renderer | None = None if isinstance(renderer, str) else renderer
         self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX)
         self._organisers: Places[Organiser] = Places("organises", JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX)
         self._ended: deque[tuple[int, str]] = deque(maxlen=ENDED_MAX)
