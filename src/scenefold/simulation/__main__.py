@@ -3,7 +3,7 @@
 Progress and stories go to stderr. On stdout comes a summary, or with --json one object with the keys `seeds` (how many were
 run), `violations` (a list), `faults` (how many took effect, by kind), `reported` (what lying nodes achieved that nobody could prevent, by manner), `operations` (acknowledged
 ones), the least of both that a seed had, `short` (seeds that tested too little), and, with the workload `logs`, `committed`, `refused`, `taken_over`,
-`committed_min`, `switches`, `edits`, `late` and `looks`. It comes before any schedule is shortened, which takes minutes. The exit
+`committed_min`, `switches`, `edits`, `late` and `looks`; with `renders` the fields of `outcome.Renders` and `images_min`. It comes before any schedule is shortened, which takes minutes. The exit
 code is 1 if anything was violated, 3 if nothing was but a seed fell short, 2 for wrong usage.
 """
 
@@ -88,6 +88,7 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
             "faults_min": faults_min,
             "short": [{"seed": result.order.seed, "what": result.shortage} for result in results if result.shortage],
             **_proposals(results),
+            **_renders(results),
         }
         _print(json.dumps(document, indent=2))
         return
@@ -100,6 +101,8 @@ def _report(results: Sequence[Result], *, as_json: bool) -> None:
         lines.append(
             f"{told['switches']} changes of mode, {told['edits']} edits stored, {told['late']} too late, {told['looks']} records read for images"
         )
+    if renders := _renders(results):
+        lines.append(", ".join(f"{count} {name.replace('_', ' ')}" for name, count in renders.items()))
     lines += [f"  {count:7d}  {kind}" for kind, count in sorted(faults.items())]
     lines += [f"  reported, no violation: {count} {manner}" for manner, count in sorted(reported.items())]
     lines += [f"seed {one['seed']}: {one['law']}: {_first_line(one['what'])}\n  {one['replay']}" for one in violations]
@@ -123,6 +126,14 @@ def _proposals(results: Sequence[Result]) -> dict[str, int]:
     }
 
 
+def _renders(results: Sequence[Result]) -> dict[str, int]:
+    """What came of renders; empty if the workload has none."""
+    found = [result.renders._asdict() for result in results if result.renders is not None]
+    if not found:
+        return {}
+    return {**{name: sum(each[name] for each in found) for name in found[0]}, "images_min": min(each["images"] for each in found)}
+
+
 def _print(text: str) -> None:
     sys.stdout.write(text + "\n")
     sys.stdout.flush()
@@ -131,6 +142,8 @@ def _print(text: str) -> None:
 def _line_of(result: Result) -> str:
     what = f"seed {result.order.seed}: {result.operations} operations, {sum(result.faults.values())} faults"
     counts = ", ".join(f"{count} {name}" for name, count in sorted(result.counts.items()))
+    if result.renders is not None:
+        counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in result.renders._asdict().items())
     if result.proposals is not None:
         told = result.proposals
         modes = f"{told.switches} switches, {told.edits} edits, {told.late} late, {told.looks} looks"

@@ -107,6 +107,16 @@ class Node:
         return self.context is not None and self.context.lease.holds()
 
 
+@dataclass(slots=True)
+class RenderTrap:
+    """Goes off when so many more packets of renders have come to a node; `is_late`: once the last one is handled."""
+
+    slot: int
+    count: int
+    spring: Callable[[], None]
+    is_late: bool
+
+
 class Cluster:
     """All machines of a run, founders first, then spares."""
 
@@ -133,6 +143,8 @@ class Cluster:
         ids = [node.node_id for node in self.nodes.values()]
         self._has_log_key = True
         self.extensions: Sequence[Extension] = ()
+        self.set_render_trap: Callable[[RenderTrap], None] = lambda _: None
+        """Takes a trap, where there are renders."""
         self.has_several_voters = False
         """Whether others are to vote beside the first one."""
         self.may_lose: Callable[[Node], bool] = lambda node: node is not self.nodes[0]

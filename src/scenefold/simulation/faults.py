@@ -50,6 +50,7 @@ class Kind(Enum):
     CUT_CLIENT = "cut-off client"
     PAUSED_CLIENT = "paused client"
     CLIENT_RATE = "client's clock rate"
+    KILL_IN_RENDER = "kill during render"
 
 
 CLIENTS = 4
@@ -101,7 +102,9 @@ class Shape:
     of_copies: bool = False
     """Whether it is only for runs that keep copies."""
     of_clients: bool = False
-    """Whether it hits a client, and is only for the workload `logs`."""
+    """Whether it hits a client, and is only for the workloads `logs` and `renders`."""
+    of_renders: bool = False
+    """Whether it is only for the workload `renders`."""
 
 
 KINDS: dict[Kind, Shape] = {
@@ -174,6 +177,15 @@ KINDS: dict[Kind, Shape] = {
     Kind.CUT_CLIENT: Shape(1.3, Whom.CLIENT, (1, 40), (0, 1), "above 0.5 from all nodes, else from this share of them", of_clients=True),
     Kind.PAUSED_CLIENT: Shape(1.3, Whom.CLIENT, (1, 40), of_clients=True),
     Kind.CLIENT_RATE: Shape(0.66, Whom.CLIENT, (10, 60), (-0.009, 0.009), "rate error; leases assume at most 1 %", of_clients=True),
+    Kind.KILL_IN_RENDER: Shape(
+        2.4,
+        Whom.ONE,
+        (0.5, 60),
+        (1, 600),
+        "which packet of a render from then on; even: once it is handled",
+        long_odds=0.2,
+        of_renders=True,
+    ),
 }
 
 

@@ -11,8 +11,13 @@ from scenefold.simulation.log_weather import deciders_of, spared
 from scenefold.simulation.story import Violation
 from scenefold.simulation.weather import STORM_S, Climate, draw
 
-Workload = Literal["data", "members", "all", "keys", "purges", "turns", "logs"]
-WORKLOADS: tuple[Workload, ...] = ("data", "members", "all", "keys", "purges", "turns", "logs")
+Workload = Literal["data", "members", "all", "keys", "purges", "turns", "logs", "renders"]
+WORKLOADS: tuple[Workload, ...] = ("data", "members", "all", "keys", "purges", "turns", "logs", "renders")
+
+OF_CLIENTS: tuple[Workload, ...] = ("logs", "renders")
+"""Where clients are cut off, too."""
+SPARED = frozenset({Kind.WIPED_DISK, Kind.RESTORED_BACKUP, Kind.CORRUPTION, Kind.LIAR})
+"""From these a scene that is to be rendered is spared, each of whose records lies on one disk: what does to data is seen elsewhere."""
 
 OPERATIONS_MIN = 300
 FAULTS_MIN = 5
@@ -21,6 +26,29 @@ COMMITTED_MIN = 50
 """Likewise of entries in the workload `logs`."""
 EDITS_MIN, LOOKS_MIN = 10, 12
 """Likewise there of records that were stored, and of those that were read in render mode."""
+IMAGES_MIN = 6
+"""Likewise of images in the workload `renders`."""
+
+
+class Renders(NamedTuple):
+    """What came of the renders of the workload `renders`.
+
+    `begun_anew`: by their clients, after another job of the same image failed. `attempts_raised`, `nodes_lost`, `nodes_back`, `passes_again` (that were
+    traced again), `cells_moved`, `packets_resent` and `late` (packets of an older attempt): within jobs that came to their image.
+    """
+
+    renders: int
+    images: int
+    failed: int
+    interrupted: int
+    begun_anew: int
+    attempts_raised: int
+    nodes_lost: int
+    nodes_back: int
+    passes_again: int
+    cells_moved: int
+    packets_resent: int
+    late: int
 
 
 class Proposals(NamedTuple):
@@ -78,6 +106,8 @@ class Order:
         whole = draw(self.seed, self.climate)
         if self.workload == "logs":
             whole = spared(whole, self.nodes, self.deciders)
+        if self.workload == "renders":
+            whole = tuple(fault for fault in whole if fault.kind not in SPARED)
         if self.voters > 1:
             # No voter may be put back to an earlier state (specs/26-modes.md, A voter's own disk).
             whole = tuple(fault for fault in whole if fault.kind is not Kind.RESTORED_BACKUP)
@@ -93,7 +123,8 @@ class Order:
             storm_s=self.storm_s,
             kinds=self.kinds,
             copying=self.copying,
-            of_clients=self.workload == "logs",
+            of_clients=self.workload in OF_CLIENTS,
+            of_renders=self.workload == "renders",
         )
 
     @property
@@ -138,6 +169,8 @@ class Result:
     """Told only if something was violated."""
     proposals: Proposals | None = None
     """In the workload `logs`."""
+    renders: Renders | None = None
+    """In the workload `renders`."""
 
     @property
     def shortage(self) -> str:
@@ -148,6 +181,8 @@ class Result:
         worked = (self.operations, OPERATIONS_MIN, "acknowledged operations")
         if self.proposals is not None:
             worked = (self.proposals.committed, COMMITTED_MIN, "committed proposals")
+        if self.renders is not None:
+            worked = (self.renders.images, IMAGES_MIN, "images")
         found = [worked, (faults, FAULTS_MIN, "faults")]
         if self.proposals is not None:
             found += [(self.proposals.edits, EDITS_MIN, "edits"), (self.proposals.looks, LOOKS_MIN, "records read for images")]

@@ -16,6 +16,7 @@ from contextlib import AsyncExitStack, ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import trio
 
@@ -37,6 +38,7 @@ from scenefold.simulation.outcome import OPERATIONS_MIN, Order, Result
 from scenefold.simulation.proof import prove_copies
 from scenefold.simulation.purging import Purges
 from scenefold.simulation.removals import watch_removals
+from scenefold.simulation.render_small import small_passes
 from scenefold.simulation.rotating import KeyChanges
 from scenefold.simulation.senate import Senate
 from scenefold.simulation.speed import quick_headers, quick_packets, remembered_signatures
@@ -48,6 +50,9 @@ from scenefold.simulation.whole import judge_store, judge_stores
 from scenefold.simulation.workload import SINGLE, WITH_COPIES, Tally, Worker, client_name, draw_places
 from scenefold.world import open_links
 from scenefold.world.sim import SimNet, Trace, run_simulated
+
+if TYPE_CHECKING:
+    from scenefold.simulation.render_drama import RenderDrama
 
 START_S_MAX = 60.0
 AFTERMATH_S = 6.0
@@ -76,6 +81,7 @@ def run(order: Order) -> Result:
         stack.enter_context(quiet_logs())
         stack.enter_context(remembered_signatures())
         stack.enter_context(mutated(order.mutant))
+        stack.enter_context(small_passes(wanted=order.workload == "renders"))
         stack.enter_context(quick_packets())
         stack.enter_context(quick_headers())
         file = stack.enter_context(Path(order.trace_file).open("w")) if order.trace_file else None
@@ -98,6 +104,8 @@ class _Drama:
         self._storm: Storm | None = None
         self._logs: LogDrama | None = None
         """In the workload `logs`."""
+        self._renders: RenderDrama | None = None
+        """In the workload `renders`."""
         self._tally = Tally()
         self._operations: int | None = None
         """Acknowledged by the end of the clients' work: what the judge reads afterwards is not counted."""
@@ -114,6 +122,8 @@ class _Drama:
                 senate = Senate(cluster, self._order.voters)
                 cluster.has_several_voters, cluster.may_lose, cluster.voters_missing = True, senate.may_lose, senate.missing
                 cluster.extensions = (senate,)
+            if self._order.workload == "renders":
+                self._renders = self._render_drama(cluster)
             for slot in range(self._order.nodes):
                 cluster.start(slot)
             nursery.start_soon(watch_removals, cluster)
@@ -125,6 +135,8 @@ class _Drama:
                     if self._order.workload == "logs":
                         self._logs = LogDrama(cluster, self._order)
                         await self._logs.begin(clients, nursery, partial(_nonsense_heard, cluster))
+                    if self._renders is not None:
+                        await self._renders.begin(clients, nursery)
                     await self._rage(cluster, clients)
                     await self._settle(cluster, clients)
             else:
@@ -142,6 +154,12 @@ class _Drama:
             return replace(HABITS, copying=self._order.copying, remove_after_s=None)
         return replace(HABITS, copying=self._order.copying)
 
+    def _render_drama(self, cluster: Cluster) -> RenderDrama:
+        """Imported late: no other workload needs what renders."""
+        from scenefold.simulation.render_drama import RenderDrama
+
+        return RenderDrama(cluster, self._order)
+
     async def _open_clients(self, stack: AsyncExitStack, cluster: Cluster) -> list[Client]:
         keyring, writer = MemoryKeyring(), key_of(self._order.seed, "the writer")
         clients: list[Client] = []
@@ -158,11 +176,13 @@ class _Drama:
     async def _rage(self, cluster: Cluster, clients: list[Client]) -> None:
         """The storm, with clients at work."""
         async with trio.open_nursery() as work:
-            at_work = [] if self._logs is not None else clients
+            at_work = [] if self._logs is not None or self._renders is not None else clients
             workers = [self._worker(cluster, client, client.scene) for client in at_work if client.scene is not None]
             stop = trio.Event()
             if self._logs is not None:
                 self._logs.start(work, stop)
+            if self._renders is not None:
+                self._renders.start(work, stop)
             for worker in workers:
                 work.start_soon(worker.run, stop)
             if self._order.workload == "keys" and clients[-1].scene is not None:
@@ -198,6 +218,8 @@ class _Drama:
         """Whether there is something to judge."""
         if self._logs is not None:
             return self._logs.is_enough
+        if self._renders is not None:
+            return self._renders.is_enough
         return cluster.watch.recorder.acknowledged >= OPERATIONS_MIN
 
     async def _ask(self, cluster: Cluster, scene: Scene) -> None:
@@ -222,6 +244,8 @@ class _Drama:
             self._complain(cluster, unrest(cluster))
         if self._logs is not None:
             await self._logs.settle()
+        if self._renders is not None:
+            await self._renders.settle()
         await read_everything(cluster.watch, clients[0])
         judge_histories(cluster.watch)
         for words in self._tally.wrong:
@@ -281,6 +305,7 @@ class _Drama:
             reported={} if lies is None else dict(lies.reported),
             story=story,
             proposals=None if self._logs is None else self._logs.proposals,
+            renders=None if self._renders is None else self._renders.renders,
         )
 
 

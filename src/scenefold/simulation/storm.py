@@ -17,7 +17,7 @@ from scenefold.peer.line.holding import Handover, Step
 from scenefold.simulation.blacklist_faults import BlacklistFaults
 from scenefold.simulation.client_faults import ClientFaults
 from scenefold.simulation.clients import Client
-from scenefold.simulation.cluster import Cluster, Node
+from scenefold.simulation.cluster import Cluster, Node, RenderTrap
 from scenefold.simulation.copies_faults import CopiesFaults
 from scenefold.simulation.disk_faults import DiskFaults
 from scenefold.simulation.disks import handovers_of
@@ -98,6 +98,8 @@ class Storm:
                 await self._of_clients.befall(fault)
             case kind if KINDS[kind].of_copies:
                 await self._copies.befall(fault)
+            case Kind.KILL_IN_RENDER:
+                self._set_render_trap(fault)
             case kind if kind in _POINTS:
                 self._set_trap(fault, _POINTS[kind])
             case kind:
@@ -189,6 +191,17 @@ class Storm:
 
         if node.is_wanted:
             self._net.trap(node.address, point, max(1, int(fault.amount)), spring)
+
+    def _set_render_trap(self, fault: Fault) -> None:
+        """Crash at the n-th packet of renders that comes to a node, before it is handled or before it is answered."""
+
+        def spring() -> None:
+            if not self._is_over and self._cluster.crash(fault.slots[0]):
+                self._begins(fault)
+                self._nursery.start_soon(self._cluster.restart, fault.slots[0], fault.end_s - fault.begin_s)
+
+        count = int(fault.amount)
+        self._cluster.set_render_trap(RenderTrap(fault.slots[0], count, spring, is_late=count % 2 == 0))
 
     async def _hit_links(self, fault: Fault) -> None:
         await self._links.befall(fault)

@@ -11,7 +11,7 @@ from typing import NoReturn, TypeVar
 from scenefold.base.limits import DECIDERS_MAX, VOTERS_MAX
 from scenefold.simulation.faults import KINDS, Kind
 from scenefold.simulation.mutants import MUTANTS
-from scenefold.simulation.outcome import WORKLOADS, Order
+from scenefold.simulation.outcome import OF_CLIENTS, SPARED, WORKLOADS, Order
 from scenefold.simulation.weather import STORM_S
 
 N = TypeVar("N", int, float)
@@ -49,8 +49,12 @@ def orders_of(arguments: Sequence[str] | None) -> tuple[list[Order], argparse.Na
         parser.error(f"--voters {options.voters} are more than the {options.nodes or NODES} --nodes")
     if options.participants is not None and options.workload != "logs":
         parser.error("--participants is for --workload logs")
-    if options.workload != "logs" and (others := [kind.value for kind in options.faults if KINDS[kind].of_clients]):
-        parser.error(f"--faults: {', '.join(others)}: only with --workload logs")
+    if options.workload not in OF_CLIENTS and (others := [kind.value for kind in options.faults if KINDS[kind].of_clients]):
+        parser.error(f"--faults: {', '.join(others)}: only with --workload {' or '.join(OF_CLIENTS)}")
+    if options.workload != "renders" and (others := [kind.value for kind in options.faults if KINDS[kind].of_renders]):
+        parser.error(f"--faults: {', '.join(others)}: only with --workload renders")
+    if options.workload == "renders" and options.faults and all(kind in SPARED for kind in options.faults):
+        parser.error("--workload renders leaves all of these --faults out")
     if not options.copies and (lonely := [kind.value for kind in options.faults if KINDS[kind].of_copies]):
         parser.error(f"--faults: {', '.join(lonely)}: only with --copies")
     orders = [_order(parser, options, seed) for seed in seeds]
@@ -101,7 +105,7 @@ def _parser() -> Parser:
         "--workload",
         choices=WORKLOADS,
         default="all",
-        help="data: no joins and drains; members: mostly those and crashes, and slow clients; all: joins and drains as well (default); keys: like all, and the scene's key changes; purges: like all, and deletions are purged; turns: like all, and spaces come to have other numbers of copies, with --copies; logs: clients change the scene's log, which participants decide, edit and render",
+        help="data: no joins and drains; members: mostly those and crashes, and slow clients; all: joins and drains as well (default); keys: like all, and the scene's key changes; purges: like all, and deletions are purged; turns: like all, and spaces come to have other numbers of copies, with --copies; logs: clients change the scene's log, which participants decide, edit and render; renders: clients have a scene rendered, with cells that move, by nodes that die",
     )
     parser.add_argument(
         "--participants",

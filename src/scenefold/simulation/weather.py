@@ -26,6 +26,8 @@ FAULTS_MIN = 8
 PRESENT_MAX = 0.7
 """Of all seeds so many at most have a kind. One that takes effect too seldom for that comes more often where it comes."""
 SPARES_MAX = 6
+RENDER_KILLS = 4
+"""In a climate of these."""
 MEMBERSHIP = (
     *(kind for kind, shape in KINDS.items() if shape.moves_members),
     Kind.CRASH,
@@ -56,13 +58,15 @@ class Climate:
     copying: Copying | None = None
     of_clients: bool = False
     """Whether clients are cut off, too, stand still, and have wrong clocks."""
+    of_renders: bool = False
+    """Whether nodes die over packets of renders, too."""
 
 
 def draw(seed: int, climate: Climate) -> Schedule:
     """The schedule of a seed."""
     dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}{'/mostly' if climate.mostly_members else ''}")
     allowed = [kind for kind, shape in KINDS.items() if kind in climate.kinds or not climate.kinds]
-    allowed = [kind for kind in allowed if not KINDS[kind].of_copies and not KINDS[kind].of_clients]
+    allowed = [kind for kind in allowed if not KINDS[kind].of_copies and not KINDS[kind].of_clients and not KINDS[kind].of_renders]
     allowed = [kind for kind in allowed if climate.members or not KINDS[kind].moves_members]
     kinds = [kind for kind in allowed for _ in range(1 if climate.kinds else _times(_odds(kind, climate), dice))]
     if climate.mostly_members and not climate.kinds:
@@ -79,6 +83,8 @@ def draw(seed: int, climate: Climate) -> Schedule:
         faults += _of_copies(seed, climate, spares)
     if climate.of_clients:
         faults += _of_clients(seed, climate, spares)
+    if climate.of_renders:
+        faults += _of_renders(seed, climate, spares)
     return tuple(sorted(faults, key=lambda fault: (fault.begin_s, fault.kind.value, fault.slots)))
 
 
@@ -106,6 +112,14 @@ def _of_clients(seed: int, climate: Climate, spares: Iterator[int]) -> list[Faul
     dice = random.Random(f"weather of clients/{seed}/{climate.nodes}")
     kinds = [kind for kind, shape in KINDS.items() if shape.of_clients and (kind in climate.kinds or not climate.kinds)]
     kinds = [kind for kind in kinds for _ in range(CLIENTS if climate.kinds else _times(KINDS[kind].odds, dice))]
+    return [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
+
+
+def _of_renders(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault]:
+    """What befalls nodes in the midst of renders, likewise."""
+    dice = random.Random(f"weather of renders/{seed}/{climate.nodes}")
+    kinds = [kind for kind, shape in KINDS.items() if shape.of_renders and (kind in climate.kinds or not climate.kinds)]
+    kinds = [kind for kind in kinds for _ in range(RENDER_KILLS if climate.kinds else _times(KINDS[kind].odds, dice))]
     return [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
 
 

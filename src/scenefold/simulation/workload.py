@@ -32,7 +32,7 @@ ACT_S_MAX = 8.0
 WIDE_PLACES = 200
 HOT_PLACES = 12
 """Beside those at the founders' bounds."""
-PAUSE_S = {"data": 0.5, "all": 0.5, "members": 1.4, "keys": 0.6, "purges": 0.5, "turns": 0.5, "logs": 0.5}
+PAUSE_S = {"data": 0.5, "all": 0.5, "members": 1.4, "keys": 0.6, "purges": 0.5, "turns": 0.5, "logs": 0.5, "renders": 0.5}
 """Seconds between the acts of one client, on average."""
 _ACTS = {
     "put": 20,

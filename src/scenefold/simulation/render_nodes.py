@@ -1,0 +1,108 @@
+"""Render services of simulated nodes: those of real ones, with the arithmetic renderer, and an ear for each packet that they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from scenefold.base.ids import NodeId, SceneId
+from scenefold.node.rendering import RenderExtension
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.service import RenderService
+from scenefold.render.pool.share import SceneReader
+from scenefold.render.rehearsal.arithmetic import ArithmeticRenderer
+from scenefold.render.sealed_keys import SealedKeys
+from scenefold.scene.head import SceneHead
+from scenefold.scene.log import EpochKeys
+from scenefold.simulation.cluster import Cluster, RenderTrap
+from scenefold.wire import Packet
+from scenefold.world import World
+
+P = TypeVar("P", bound=Packet)
+
+
+class RenderNodes:
+    """Of one run."""
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+        self._services: dict[int, RenderService] = {}
+        self._traps: list[RenderTrap] = []
+        self.extension = RenderExtension(self._service)
+        cluster.set_render_trap = self._traps.append
+
+    @property
+    def services(self) -> dict[int, RenderService]:
+        """Those of nodes that run, and were asked for a render in this life."""
+        return {slot: service for slot, service in sorted(self._services.items()) if slot in self._cluster.running}
+
+    def _service(self, host: Host) -> RenderService:
+        slot = self._cluster.slot_of(host.node_id)
+        service = self._services[slot] = RenderService(_Heard(host, lambda: self._sprung(slot)), ArithmeticRenderer())
+        return service
+
+    def _sprung(self, slot: int) -> RenderTrap | None:
+        """A packet of a render has come to a node: the trap that goes off with it."""
+        due = [trap for trap in self._traps if trap.slot == slot]
+        for trap in due:
+            trap.count -= 1
+            if trap.count <= 0:
+                self._traps.remove(trap)
+                return trap
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    """A node as its render service sees it. `sprung`: asked with each packet whether the node dies of it."""
+
+    host: Host
+    sprung: Callable[[], RenderTrap | None]
+
+    @property
+    def world(self) -> World:
+        return self.host.world
+
+    @property
+    def node_id(self) -> NodeId:
+        return self.host.node_id
+
+    @property
+    def render_threads(self) -> int:
+        return self.host.render_threads
+
+    @property
+    def memory_bytes(self) -> int:
+        return self.host.memory_bytes
+
+    def nodes(self) -> list[NodeId]:
+        return self.host.nodes()
+
+    def handle(self, packet: type[P], handler: Callable[[P, str], Awaitable[Packet | None]], *, nodes_only: bool) -> None:
+        async def heard(packet: Any, peer: str) -> Packet | None:
+            trap = self.sprung()
+            if trap is not None and not trap.is_late:
+                trap.spring()
+            answer = await handler(packet, peer)
+            if trap is not None and trap.is_late:
+                trap.spring()
+            return answer
+
+        self.host.handle(packet, heard, nodes_only=nodes_only)
+
+    async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
+        return await self.host.ask(node, packet, timeout_s)
+
+    async def send(self, node: NodeId, packet: Packet) -> None:
+        await self.host.send(node, packet)
+
+    def opened(self, keys: SealedKeys, genesis: bytes, job: int) -> EpochKeys:
+        return self.host.opened(keys, genesis, job)
+
+    def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> AbstractAsyncContextManager[SceneReader]:
+        return self.host.reader(scene, genesis, keys, head)
+
+    def record_count(self) -> int:
+        return self.host.record_count()
