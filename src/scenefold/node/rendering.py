@@ -96,7 +96,10 @@ class _LateService:
     async def answer(self, packet: Packet, peer: str) -> Packet | None:
         async with self._beginning:
             if not self._host.handlers:
-                service = self._service or await self._context.world.workers.run("render", _imported)
+                service = self._service
+                if service is None:
+                    imported = await self._context.world.workers.run("render", _imported)
+                    service = imported
                 await trio.lowlevel.checkpoint_if_cancelled()
                 # Whoever asked may go away meanwhile: what has begun to answer goes on.
                 with trio.CancelScope(shield=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from scenefold.render import passes
 from scenefold.render.pool.links import sender
 from scenefold.render.pool.links.link import Link
 from scenefold.render.pool.links.receiver import WINDOW
@@ -26,7 +25,7 @@ def beyond(services: Mapping[int, RenderService]) -> Iterator[tuple[int, str]]:
                 continue
             attempt, nodes = (job, member._roster.attempt), len(member._roster.nodes)
             in_flight = PASSES_IN_FLIGHT if nodes < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
-            rays_max = nodes * in_flight * passes.PASS_PATHS_MAX * RAYS_OF_A_PATH
+            rays_max = nodes * in_flight * part.job.plan.size(0) * RAYS_OF_A_PATH
             waiting[attempt] = waiting.get(attempt, 0) + _waiting(member)
             if waiting[attempt] > rays_max:
                 yield slot, f"{waiting[attempt]} rays wait in one attempt, and there may be {rays_max}"

@@ -54,7 +54,8 @@ def squares_of(keys: U64, steps: U32, is_side: Flags) -> I64:
     """Where a walk is at a step, or its side ray ends. More are at the low end: there is work for cells to move after."""
     word = _word(keys, steps, _SQUARE, is_side)
     one, other = word % np.uint64(SQUARES), (word >> np.uint64(32)) % np.uint64(SQUARES)
-    return np.minimum(one, other).astype(np.int64)
+    squares: I64 = np.minimum(one, other).astype(np.int64)
+    return squares
 
 
 def seals_of(keys: U64, steps: U32, is_side: Flags) -> U64:
@@ -77,8 +78,10 @@ def features(keys: U64) -> I32:
 
 
 def _word(keys: U64, steps: U32, what: int, is_side: Flags | None = None) -> U64:
-    side = np.uint64(0) if is_side is None else is_side.astype(np.uint64) * np.uint64(_WORDS // 2)
-    return mixed(keys + (steps.astype(np.uint64) * np.uint64(_WORDS) + np.uint64(what) + side) * _GOLDEN)
+    numbers: U64 = steps.astype(np.uint64) * np.uint64(_WORDS) + np.uint64(what)
+    if is_side is not None:
+        numbers += is_side.astype(np.uint64) * np.uint64(_WORDS // 2)
+    return mixed(keys + numbers * _GOLDEN)
 
 
 assert _LIGHT + CHANNELS <= _WORDS // 2, "words of a step and of its side ray are apart"
