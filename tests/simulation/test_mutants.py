@@ -70,11 +70,17 @@ ABSENCES = (Kind.PARTITION, Kind.CRASH, Kind.DRAIN, Kind.JOIN)
 FORBIDDEN = (Kind.BLACKLIST, Kind.RESET)
 """Administrators change whom copies may lie on; in the first seed that is tried nobody has a blacklist from the beginning."""
 
+UNEVEN = (Kind.LOSS, Kind.SLOW_NODE, Kind.RESET)
+"""Packets of renders take long, and not all as long."""
+JOLTS = (Kind.RESET, Kind.CLOCK_OFFSET)
+"""Renders go on nearly undisturbed."""
+
 PROVOKED = {
     "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
-    "blacklist not looked at": Provocation(laws.COPIED_AGAIN, FORBIDDEN, copies=True, first=4),
+    "blacklist not looked at": Provocation(laws.COPIED_AGAIN, FORBIDDEN, copies=True, first=3),
     "chain from a stale roster": Provocation(laws.SOUND, CRACKS, workload="logs"),
     "checked handover": Provocation(laws.VERIFIED, LYING_MOVES, 45.0),
+    "credit of links": Provocation(laws.CREDIT, JOLTS, 20.0, workload="renders"),
     "decided header": Provocation(laws.VERIFIED, LIES, first=5),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
     "durable before release": Provocation(laws.CARRIED, MOVES, first=4),
@@ -88,16 +94,23 @@ PROVOKED = {
     "own status only": Provocation(laws.VERIFIED, LIES),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0, first=1),
     "purge asks only holders": Provocation(laws.LINEARIZABLE, ABSENCES, 45.0, copies=True, workload="purges", first=2),
+    "rays by epoch": Provocation(laws.SOUND, JOLTS, 20.0, workload="renders"),
     "reader's memory": Provocation(laws.SOUND, LIES, first=1),
     "reader's signature check": Provocation(laws.SOUND, LIES, first=1),
     "record of this place": Provocation(laws.SOUND, LIES, first=1),
     "recovery hears one node": Provocation(laws.READABLE, HEIRS, 45.0, copies=True, first=2),
     "repair trusts the first answer": Provocation(laws.KEPT, AWAY, 45.0, copies=True),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
+    "second reading": Provocation(laws.EXACT, UNEVEN, 20.0, workload="renders"),
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
     "settling time": Provocation(laws.SETTLED, MOVES, first=1),
     "tombstones collected by age": Provocation(laws.LINEARIZABLE, HEIRS, 45.0, copies=True, workload="purges"),
+<<<<<<< HEAD
     "strays brought home": Provocation(laws.BROUGHT_HOME, SILENCE, 60.0, first=3),
+=======
+    "sums of all nodes": Provocation(laws.EXACT, JOLTS, 20.0, workload="renders"),
+    "strays brought home": Provocation(laws.BROUGHT_HOME, SILENCE, 60.0),
+>>>>>>> ab5b12b3 (Renders of simulated pools take longer, links soon lack credit, and four mutants of theirs are found)
     "version check": Provocation(laws.LINEARIZABLE, BUSY),
     "vote not durable": Provocation(laws.CERTIFIED, CRACKS, workload="logs"),
 }

@@ -181,7 +181,7 @@ KINDS: dict[Kind, Shape] = {
         2.4,
         Whom.ONE,
         (0.5, 60),
-        (1, 600),
+        (1, 200),
         "which packet of a render from then on; even: once it is handled",
         long_odds=0.2,
         of_renders=True,

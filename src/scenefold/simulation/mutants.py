@@ -14,17 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenefold.simulation.log_mutants import deaf_to_borrowers, forgetful_memory, half, half_of_participants, stale_roster, unfenced
-from scenefold.simulation.render_mutants import (
-    adopted_twice,
-    any_attempt,
-    done_again,
-    first_reading_is_enough,
-    never_seen_before,
-    unkept,
-    up_to_the_newest,
-    wherever_they_come,
-    without_a_node,
-)
+from scenefold.simulation.render_mutants import first_reading_is_enough, wherever_they_come, without_a_node
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,15 +253,8 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "left fence": (Patch("scenefold.peer.line.holding", "behind_left_fence", _always(True)),),
     "second reading": (Patch("scenefold.render.ledger", "PassLedger.collected", first_reading_is_enough),),
     "sums of all nodes": (Patch("scenefold.render.pool.member", "Member._close", without_a_node),),
-    "packets of this attempt": (Patch("scenefold.render.pool.part", "Part._in_attempt", any_attempt),),
-    "rays counted once": (Patch("scenefold.render.pool.links.receiver", "Receiver.take", never_seen_before),),
-    "gaps acknowledged": (Patch("scenefold.render.pool.links.receiver", "Receiver.acknowledge", up_to_the_newest),),
-    "films emptied": (Patch("scenefold.render.pool.films", "Films.forget_gathered", unkept),),
-    "copy adopted once": (Patch("scenefold.render.pool.films", "Films.adopt", adopted_twice),),
     "rays by epoch": (Patch("scenefold.render.pool.member", "Member.on_rays", wherever_they_come),),
-    "passes done": (Patch("scenefold.render.pool.part", "Part._made", done_again),),
     "credit of links": (Patch("scenefold.render.pool.links.sender", "Sender.may_send", _always(True)),),
-    "places given back": (Patch("scenefold.render.pool.hold", "Hold.over", _always("")),),
 }
 
 

@@ -34,14 +34,14 @@ from scenefold.simulation.clients import Client
 from scenefold.world.facts import ClusterFacts
 
 T = TypeVar("T")
-PAUSE_S = 2.0
+PAUSE_S = 4.0
 """Between the renders of one client, on average half of it."""
 SIDES, SAMPLES = (6, 28), (4, 28)
 ALGORITHMS = ("bounded-radial", "kd", "power", "planar", "swarming", "voronoi")
 CROPS, MOVES, INTERRUPTED = 0.2, 0.8, 0.15
 """Shares of renders that make a part of the image, whose cells may move, and that their client ends before they are done."""
 INTERRUPTED_S = (0.2, 6.0)
-ENDS_S_MAX = 400.0
+ENDS_S_MAX = 200.0
 """So long after all has healed nobody waits for an image any more: an organiser that lost its client may keep its place, but no client hangs."""
 PASSES = frozenset({RejectReason.NOT_READY, RejectReason.BUSY})
 """Why a render may fail in a storm: somebody is away, or has no place."""

@@ -26,7 +26,7 @@ FAULTS_MIN = 8
 PRESENT_MAX = 0.7
 """Of all seeds so many at most have a kind. One that takes effect too seldom for that comes more often where it comes."""
 SPARES_MAX = 6
-RENDER_KILLS = 4
+RENDER_KILLS = 6
 """In a climate of these."""
 MEMBERSHIP = (
     *(kind for kind, shape in KINDS.items() if shape.moves_members),

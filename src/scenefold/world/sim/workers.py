@@ -26,7 +26,7 @@ COSTS: Mapping[str, Delay] = {
     "crypto": Delay(0.0001, 0.0001, 0.01),
     "store": Delay(0.0005, 0.001, 0.1),
     "store-read": Delay(0.00005, 0.0001, 0.01),
-    "render": Delay(0.01, 0.005, 0.2),
+    "render": Delay(0.03, 0.01, 0.3),
     "film": Delay(0.0005, 0.001, 0.05),
 }
 """Virtual seconds of one call; a lane that is not here costs none."""
