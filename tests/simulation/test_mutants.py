@@ -105,12 +105,8 @@ PROVOKED = {
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
     "settling time": Provocation(laws.SETTLED, MOVES, first=1),
     "tombstones collected by age": Provocation(laws.LINEARIZABLE, HEIRS, 45.0, copies=True, workload="purges"),
-<<<<<<< HEAD
     "strays brought home": Provocation(laws.BROUGHT_HOME, SILENCE, 60.0, first=3),
-=======
     "sums of all nodes": Provocation(laws.EXACT, JOLTS, 20.0, workload="renders"),
-    "strays brought home": Provocation(laws.BROUGHT_HOME, SILENCE, 60.0),
->>>>>>> ab5b12b3 (Renders of simulated pools take longer, links soon lack credit, and four mutants of theirs are found)
     "version check": Provocation(laws.LINEARIZABLE, BUSY),
     "vote not durable": Provocation(laws.CERTIFIED, CRACKS, workload="logs"),
 }
