@@ -53,9 +53,9 @@ def find_gaps(low, high, table, levels, limit):
         next_corners = np.empty((2 * count + children, dimensions), np.uint64)
         next_prefixes = np.empty((2 * count + children, 3), np.uint64)
         next_states = np.empty(2 * count + children, np.uint64)
-        next_count = np.int64(0)
+        next_count = int(np.int64(0))  # a literal would have what is called with it compiled twice
         found = np.empty((count + children, 6), np.uint64)
-        found_count = np.int64(0)
+        found_count = int(np.int64(0))
         for node in range(count):
             no_lower, no_upper, cut_lower, cut_upper = _halves(corners, node, half, low, high)
             prefix = (prefixes[node, 0], prefixes[node, 1], prefixes[node, 2])

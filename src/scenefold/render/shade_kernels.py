@@ -145,7 +145,7 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
     """
     batch = rays.shape[0]
     hits, frees = listed[:batch], listed[batch:]
-    hit_count = free_count = np.int64(0)  # of no literal type, for which all that is called with it would be compiled as well
+    hit_count = free_count = int(np.int64(0))  # of no literal type, for which all that is called with it would be compiled as well
     for i in range(batch):
         counters[COUNT_SHADOW_RAYS] += np.int64(is_shadow_ray(rays, i))
         # Shadow rays that hit are dead: the caster says so.
@@ -159,7 +159,7 @@ def shade_batch(rays, status, hit_uv, hit_ids, scene, job, first_path, sums, aov
         for k in range(first + LANES, min(first + 2 * LANES, free_count)):
             prefetch_row(sums, path_of(rays, frees[k]))
         _deliver(rays, frees, first, free_count, scene, job, sums, counters, scratch)
-    made = np.int64(0)
+    made = int(np.int64(0))
     for first in range(0, hit_count, LANES):
         for k in range(first + LANES, min(first + 2 * LANES, hit_count)):
             if kind_of(rays, hits[k]) == KIND_CAMERA:
