@@ -49,7 +49,7 @@ test:
 # Minutes of furnaces, samplers and analytic scenes, and the renderer that needs an extra.
 test-render: export PYTHONDONTWRITEBYTECODE =
 test-render:
-	$(call ready,dev mitsuba)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/render/test_at_length.py tests/render/test_kit.py tests/render/test_kit_mitsuba.py tests/render/test_furnace.py tests/render/test_losing_nodes.py tests/render/test_mapped_lamps.py
+	$(call ready,dev mitsuba)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/render/test_at_length.py tests/render/test_kit.py tests/render/test_kit_mitsuba.py tests/render/test_furnace.py tests/render/test_losing_nodes.py tests/render/test_mapped_lamps.py tests/simulation/test_mutants.py tests/simulation/test_replay.py
 
 # `make test` has one of several that kill, bench or render with real processes; storms in the simulated world have all of it.
 test-processes: export PYTHONDONTWRITEBYTECODE =

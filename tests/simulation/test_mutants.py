@@ -112,11 +112,15 @@ PROVOKED = {
 }
 
 
+LONG = {"renders": [pytest.mark.long]}
+"""Marks of storms by workload."""
+
+
 def test_every_mutant_is_provoked() -> None:
     assert set(PROVOKED) == set(MUTANTS)
 
 
-@pytest.mark.parametrize("name", sorted(MUTANTS))
+@pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(each.workload, ())) for name, each in sorted(PROVOKED.items())])
 def test_a_mutant_is_found(name: str) -> None:
     provoked = PROVOKED[name]
     seeds = (provoked.first, *(seed for seed in SEEDS if seed != provoked.first))
@@ -133,7 +137,7 @@ def name_of(climate: Climate) -> str:
     return f"{', '.join(kind.value for kind in kinds)} for {storm_s:g} s{' with copies' if copies else ''}, {workload}"
 
 
-@pytest.mark.parametrize("climate", CLIMATES, ids=name_of)
+@pytest.mark.parametrize("climate", [pytest.param(each, id=name_of(each), marks=LONG.get(each[3], ())) for each in CLIMATES])
 def test_without_a_mutant_the_same_climate_breaks_nothing(climate: Climate) -> None:
     kinds, storm_s, copies, workload = climate
     fail_with_stories([run(Provocation("", kinds, storm_s, copies, workload).order(SEEDS[0]))])

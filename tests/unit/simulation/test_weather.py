@@ -14,8 +14,8 @@ from scenefold.simulation.workload import PAUSE_S
 
 FIVE = Climate(5)
 KEEPING = Climate(5, copying=Copying(3, 2, 3))
-ALONE = [kind for kind in Kind if not KINDS[kind].of_copies and not KINDS[kind].of_clients]
-"""Kinds of storms in which every record lies on one disk, and nothing befalls clients."""
+ALONE = [kind for kind in Kind if not (KINDS[kind].of_copies or KINDS[kind].of_clients or KINDS[kind].of_renders)]
+"""Kinds of storms in which every record lies on one disk, nothing befalls clients, and nobody renders."""
 
 
 def test_a_thousand_seeds_have_five_hundred_of_each_kind_with_room_to_spare() -> None:
