@@ -21,9 +21,15 @@ def check_own_cluster(where: str, profile: str | None, given: Mapping[str, tuple
     for option, (value, variable) in given.items():
         if value is None or is_of_variable(value, variable):
             continue
-        other = f"unset {PROFILE_VARIABLE}" if os.environ.get(PROFILE_VARIABLE) == profile else "leave out --profile"
         what = f"{option} is of a cluster that is started for this, and a profile names one that runs"
-        raise UsageFault(what, where=where, remedy=f"leave out {option} to use the cluster of the profile, or {other} to start one")
+        raise UsageFault(
+            what, where=where, remedy=f"leave out {option} to use the cluster of the profile, or {without_profile(profile)} to start one"
+        )
+
+
+def without_profile(profile: str) -> str:
+    """What to do that it is not given."""
+    return f"unset {PROFILE_VARIABLE}" if os.environ.get(PROFILE_VARIABLE) == profile else "leave out --profile"
 
 
 def is_of_variable(value: object, variable: str) -> bool:

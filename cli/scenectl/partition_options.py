@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from scenectl.moment_values import FRAME_MAX
-from scenectl.own_cluster import is_of_variable
+from scenectl.own_cluster import is_of_variable, without_profile
 from scenectl.values import ONE_WORD, is_digits
 
 FRAMES_MAX = 100_000
@@ -83,6 +83,23 @@ def check_threads(engine: str | None, threads: int | None) -> None:
     if engine is not None and threads is not None and not is_of_variable(threads, "SCENEFOLD_THREADS"):
         what = "--threads are of this process, and the workers of an engine have their own"
         raise UsageFault(what, where=STILL, remedy="say it where they are started: dask worker --nthreads")
+
+
+def check_frames_alone(frames: Frames | None, profile: str | None) -> None:
+    """UsageFault for frames beside a profile: workers read them from the file, each at its moment, and a scene holds one."""
+    from scenefold.base.errors import UsageFault
+
+    if frames is not None and profile is not None:
+        what = "--frames are read from the file, and a profile names a cluster, whose scene holds one moment"
+        raise UsageFault(what, where=STILL, remedy=f"{without_profile(profile)}, or give one --frame instead")
+
+
+def images_of(exr: Path, png: Path, frames: Frames | None) -> dict[str, Path]:
+    """By what each is called: where images go."""
+    if frames is None:
+        return {"-o": exr, "the PNG beside -o": png}
+    kinds = {"frame": exr, "the PNG of frame": png}
+    return {f"{kind} {number}": numbered(path, number) for number in frames.numbers for kind, path in kinds.items()}
 
 
 def numbered(path: Path, frame: int) -> Path:

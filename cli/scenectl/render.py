@@ -15,7 +15,7 @@ from scenectl.moment_values import FpsOption, FrameOption, TimeOption, check_of_
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
-from scenectl.partition_options import FramesOption, PartitionOption, check_partition, check_threads
+from scenectl.partition_options import FramesOption, PartitionOption, check_frames_alone, check_partition, check_threads, images_of
 from scenectl.render_report import report
 from scenectl.unattended import cancel, fetch, list_all, start, watch
 from scenectl.values import PortsOption, whole
@@ -119,7 +119,7 @@ def still(
     from scenectl.progress import Progress
     from scenectl.render_report import keep_report
     from scenectl.running import run
-    from scenectl.still import ImageFiles, StillJob, check_files, make_still, report_text
+    from scenectl.still import ImageFiles, StillJob, check_apart, check_files, make_still, report_text
     from scenectl.waiting import going_on
     from scenefold.base.errors import UsageFault
 
@@ -137,13 +137,18 @@ def still(
     check_partition(partition, engine=engine, frames=frames, of_pool=of_pool, frame=frame, time=time)
     if file is None:
         check_of_a_file("scenectl render still", frame=frame, frames=frames, fps=fps, time=time, animation=animation)
+    check_frames_alone(frames, output.profile)
     moment = None if frames else moment_of("scenectl render still", frame=frame, fps=fps, time=time, animation=animation)
     if partition == "spatial":
         check_own_cluster("scenectl render still", output.profile, of_a_cluster)
     files = ImageFiles.beside(to, view)
     options = image.checked("scenectl render still")
     name = scene_name_of(file) if scene is None else scene
-    check_files(file, to, files.png, *(path for path in (resume, report_to) if path is not None))
+    images = images_of(to, files.png, frames)
+    check_apart(
+        "scenectl render still", {"the file": file, "--environment": environment, **images, "--resume": resume, "--report": report_to}
+    )
+    check_files(file, *images.values(), *(path for path in (resume, report_to) if path is not None))
     job = StillJob(
         file=file,
         moment=moment,
@@ -164,8 +169,8 @@ def still(
         how = InTasks(partition=partition, engine=engine, frames=frames, fps=fps, animation=animation)
         with Progress(quiet=output.json) as progress:
             made = run(make_in_tasks, job, how, progress)
-        keep_report(report_to, made)
         emit(output, made, frames_text(made) if "frames" in made else report_text(made))
+        keep_report(report_to, made)
         return
     if memory is not None:
         check_alone(file, output.profile, {"--nodes": nodes, "--ports": ports, "--resume": resume})
@@ -173,14 +178,14 @@ def still(
 
         with Progress(quiet=output.json) as progress:
             made = run(make_within, memory.bytes, job, progress)
-        keep_report(report_to, made)
         emit(output, made, report_text(made))
+        keep_report(report_to, made)
         return
     again = nullcontext() if output.profile is None else going_on("render again")
     with again, Progress(quiet=output.json) as progress:
         made = run(make_still, job, progress)
-    keep_report(report_to, made)
     emit(output, made, report_text(made))
+    keep_report(report_to, made)
 
 
 def check_alone(file: Path | None, profile: str | None, given: Mapping[str, object]) -> None:

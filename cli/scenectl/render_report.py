@@ -53,15 +53,14 @@ def report(
 
 
 def keep_report(path: Path | None, document: dict[str, Any]) -> None:
-    """Write a report where it is wanted, if it is; LocalFault if that fails."""
-    from scenefold.base.errors import LocalFault
+    """Write a report where it is wanted, if it is, whole or not at all; LocalFault if that fails. It is to be printed before."""
+    from scenefold.render.image_files import write_atomically
 
     if path is None:
         return
-    try:
-        path.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise LocalFault(f"cannot write the report: {error.strerror}", where=str(path), remedy="choose another --report") from error
+    # Names of files need not be text: what is not ASCII is written out.
+    data = (json.dumps(document, indent=2) + "\n").encode("ascii")
+    write_atomically(path, lambda temporary: temporary.write_bytes(data), "the report")
 
 
 def read_report(path: Path) -> Any:

@@ -7,7 +7,7 @@ a node, in a temporary folder, and is stopped and removed at the end, however th
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -103,8 +103,29 @@ def check_files(file: Path | None, *outputs: Path) -> None:
         raise LocalFault("that is a folder", where=str(file), remedy="name a scene file in it")
     if file is not None and not file.is_file():
         raise LocalFault("there is no such scene file", where=str(file), remedy="check the path")
+    probed: set[Path] = set()
     for path in outputs:
-        check_writable(path)
+        # Frames are many, and most of them lie in one folder.
+        if path.parent not in probed or path.is_dir():
+            check_writable(path)
+        probed.add(path.parent)
+
+
+def check_apart(where: str, named: Mapping[str, Path | None]) -> None:
+    """UsageFault if two of the files that a verb reads and writes are one. `named`: by what each is called; None: there is none."""
+    from scenefold.base.errors import UsageFault
+
+    folders: dict[Path, Path] = {}
+    seen: dict[Path, str] = {}
+    for name, path in named.items():
+        if path is None:
+            continue
+        if path.parent not in folders:
+            folders[path.parent] = path.parent.resolve()
+        real = path.resolve() if path.is_symlink() else folders[path.parent] / path.name
+        if real in seen:
+            raise UsageFault(f"{seen[real]} and {name} are one file, {real}", where=where, remedy="name another one for one of them")
+        seen[real] = name
 
 
 async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any]:

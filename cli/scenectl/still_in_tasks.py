@@ -7,13 +7,13 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from scenectl.partition_options import Frames, numbered
+from scenectl.partition_options import numbered
 from scenectl.still import ImageFiles, Phases, StillJob, write_image
 
 if TYPE_CHECKING:
+    from scenectl.partition_options import Frames
     from scenefold.client import Cluster, Scene
     from scenefold.client.progress import ProgressCallback
     from scenefold.render.job import RenderOptions
@@ -198,12 +198,3 @@ def _task_progress(progress: ProgressCallback) -> Progress:
 
     units = {"prepare": "engine", "render": "tasks"}
     return lambda phase, done, total: progress(ProgressState(phase, done, total, units[phase]))
-
-
-def check_frames_writable(files: ImageFiles, frames: Frames) -> None:
-    """LocalFault if the first frame cannot be written where it is to go."""
-    from scenefold.render.image_files import check_writable
-
-    first: list[Path] = [numbered(path, frames.first) for path in (files.exr, files.png)]
-    for path in first:
-        check_writable(path)

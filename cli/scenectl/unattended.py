@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from scenectl.image_options import USUAL_IMAGE, ImageOptions
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table, time_text
-from scenectl.partition_options import PartitionOption
+from scenectl.partition_options import PartitionOption, images_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -169,9 +169,10 @@ def fetch(
     from scenectl.progress import Progress
     from scenectl.render_report import keep_report
     from scenectl.running import connected, run
-    from scenectl.still import ImageFiles, check_files, render_progress, report_text, write_image
+    from scenectl.still import ImageFiles, check_apart, check_files, render_progress, report_text, write_image
 
     files = ImageFiles.beside(to, view)
+    check_apart("scenectl render fetch", {**images_of(files.exr, files.png, None), "--report": report_to})
     check_files(None, files.exr, files.png, *(() if report_to is None else (report_to,)))
 
     async def get(progress: Progress) -> dict[str, Any]:
@@ -198,8 +199,8 @@ def fetch(
 
     with Progress(quiet=output.json) as progress:
         report = run(get, progress)
-    keep_report(report_to, report)
     emit(output, report, report_text(report))
+    keep_report(report_to, report)
 
 
 def cancel(render: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:

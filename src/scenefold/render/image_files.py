@@ -53,7 +53,7 @@ def write_exr(
         with OpenEXR.File(header, channels) as file:
             file.write(str(temporary))
 
-    _write_atomically(path, write)
+    write_atomically(path, write)
 
 
 def write_png(path: Path, beauty: Layer, exposure: float | None = None, view: str = AGX) -> Shown:
@@ -62,7 +62,7 @@ def write_png(path: Path, beauty: Layer, exposure: float | None = None, view: st
 
     picture = shown(beauty, view, exposure)
     image = Image.fromarray(picture.pixels)
-    _write_atomically(path, lambda temporary: image.save(temporary, format="PNG"))
+    write_atomically(path, lambda temporary: image.save(temporary, format="PNG"))
     return picture
 
 
@@ -86,19 +86,20 @@ def check_writable(path: Path) -> None:
         raise LocalFault(f"cannot write there: {error.strerror}", where=str(folder), remedy="choose another output folder") from error
 
 
-def _planes(layer: str, pixels: Pixels) -> list[Pixels]:
-    assert pixels.ndim in (2, 3), f"layer {layer} has {pixels.ndim} dimensions"
-    planes = [pixels] if pixels.ndim == 2 else [pixels[..., index] for index in range(pixels.shape[2])]
-    return [np.ascontiguousarray(plane, dtype=KINDS[layer].dtype.newbyteorder("=")) for plane in planes]
-
-
-def _write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+def write_atomically(path: Path, write: Callable[[Path], None], what: str = "the image") -> None:
+    """Have `write` write a file beside it, and put that in its place; LocalFault, with what was there as it was, if one of both fails."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         write(temporary)
         temporary.replace(path)
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise LocalFault(f"cannot write the image: {reason}", where=str(path), remedy="check the folder and the free space") from error
+        raise LocalFault(f"cannot write {what}: {reason}", where=str(path), remedy="check the folder and the free space") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _planes(layer: str, pixels: Pixels) -> list[Pixels]:
+    assert pixels.ndim in (2, 3), f"layer {layer} has {pixels.ndim} dimensions"
+    planes = [pixels] if pixels.ndim == 2 else [pixels[..., index] for index in range(pixels.shape[2])]
+    return [np.ascontiguousarray(plane, dtype=KINDS[layer].dtype.newbyteorder("=")) for plane in planes]

@@ -70,3 +70,52 @@ def test_frames_are_both_ends_and_those_between() -> None:
 def test_their_numbers_stand_in_their_names() -> None:
     assert numbered(Path("a/fox.exr"), 7) == Path("a/fox.0007.exr")
     assert numbered(Path("fox.png"), 12345) == Path("fox.12345.png")
+
+
+FRAMES = ("render", "still", "a.obj", "--partition", "temporal", "--frames", "0-3")
+
+
+@pytest.mark.parametrize("is_of_variable", [False, True])
+def test_frames_of_a_file_need_no_cluster(
+    *, is_of_variable: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Found before the file is imported into it."""
+    if is_of_variable:
+        monkeypatch.setenv("SCENEFOLD_PROFILE", "p")
+    assert main([*FRAMES, *(() if is_of_variable else ("--profile", "p"))]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "one moment" in said
+    assert ("unset SCENEFOLD_PROFILE" if is_of_variable else "leave out --profile") in said
+
+
+def test_a_folder_in_the_place_of_a_frame_is_found_before_the_work(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("out.0002.png").mkdir()
+    assert main([*FRAMES, "-o", "out.exr"]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "is a folder" in said and "out.0002.png" in said
+
+
+ONE_FILE = {
+    ("--report", "a.obj"): "the file and --report",
+    ("--report", "./b/../x.exr", "-o", "x.exr"): "-o and --report",
+    ("--report", "x.png", "-o", "x.exr"): "the PNG beside -o and --report",
+    ("--report", "linked", "--resume", "kept"): "--resume and --report",
+    ("--environment", "sky.exr", "-o", "sky.exr"): "--environment and -o",
+    ("--partition", "temporal", "--frames", "0-3", "--report", "image.0003.exr"): "frame 3 and --report",
+}
+
+
+@pytest.mark.parametrize("options", ONE_FILE)
+def test_no_file_is_written_in_the_place_of_another(options: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    Path("b").mkdir()
+    Path("linked").symlink_to("kept")
+    before = Path("a.obj").read_bytes()
+    assert main(["render", "still", "a.obj", *options]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and f"{ONE_FILE[options]} are one file" in said
+    assert Path("a.obj").read_bytes() == before
+
+
+def test_nor_by_a_fetch(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "fetch", "3f9a", "-o", "x.exr", "--report", "x.exr", "--profile", "p"]) == 2
+    assert "-o and --report are one file" in capsys.readouterr().err

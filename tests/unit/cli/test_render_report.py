@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from scenectl import render_report, still
 from scenectl.program import main
-from scenectl.render_report import REPORTS_MAX
+from scenectl.render_report import REPORTS_MAX, keep_report, read_report
+from scenefold.base.errors import LocalFault
 
 REPORT: dict[str, Any] = {
     "partition": "visual",
@@ -90,3 +93,41 @@ def test_a_file_that_is_called_like_a_render_is_a_file(capsys: pytest.CaptureFix
     Path("3f9a").write_text(json.dumps(REPORT))
     assert main(["render", "report", "3f9a"]) == 0
     assert "kitchen" in capsys.readouterr().out
+
+
+def test_a_report_names_any_file() -> None:
+    odd = REPORT | {"file": "ro\udce9m.glb", "scene": "Küche"}
+    keep_report(Path("kept.json"), odd)
+    assert read_report(Path("kept.json")) == odd
+
+
+def test_a_report_that_cannot_be_written_leaves_the_older_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    keep_report(Path("kept.json"), REPORT)
+
+    def full(path: Path, data: bytes) -> int:
+        with path.open("wb") as file:
+            file.write(data[:10])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(LocalFault, match=r"cannot write the report: No space left.*kept.json"):
+        keep_report(Path("kept.json"), REPORT | {"scene": "other"})
+    assert read_report(Path("kept.json")) == REPORT
+    assert sorted(path.name for path in Path().iterdir()) == ["a.json", "b.json", "kept.json"]
+
+
+def test_it_is_printed_all_the_same(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+
+    async def made(*_: object) -> dict[str, Any]:
+        return REPORT
+
+    def full(_: Path, _document: object) -> None:
+        raise LocalFault("cannot write the report", where="kept.json", remedy="choose another")
+
+    monkeypatch.setattr(still, "make_still", made)
+    monkeypatch.setattr(still, "report_text", lambda _: "the report")
+    monkeypatch.setattr(render_report, "keep_report", full)
+    assert main(["render", "still", "a.obj", "--report", "kept.json"]) == 1
+    said = capsys.readouterr()
+    assert said.out == "the report\n" and said.err.count("\n") == 1
