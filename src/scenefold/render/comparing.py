@@ -5,16 +5,15 @@ A report may be of an earlier version, or of a partition of another kind: what i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.plain_values import number, text, whole
 
 _COUNT_MAX = 2**64 - 1
-_WITHIN_RENDER = "recover"
-"""A phase that is part of another one."""
+T = TypeVar("T", int, float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,23 +80,28 @@ def _compared(document: Mapping[str, Any], source: str) -> Compared:
     rows = document["render_nodes"]
     alone = None if rows else document.get("memory")
     paths, passed = whole(document["paths"], 1, _COUNT_MAX), whole(document["bytes_passed"], 0, _COUNT_MAX)
+    # What came with a kept render was traced, and passed on, by another one.
+    before = whole(document.get("paths_before", 0), 0, paths)
+    traced, rays_passed = max(paths - before, 1), _seconds(document["rays_passed_per_path"])
+    if "rays_passed" in document:
+        rays_passed = _count(document["rays_passed"]) / traced
     tail = document.get("tail")
     early, late = (None, None) if tail is None else (_seconds(tail["seconds_to_95"]), _seconds(tail["seconds_to_100"]))
-    processor = _seconds(document["processor_seconds"]["render"]) if alone else _total(rows, "processor_seconds", _seconds)
+    processor = _seconds(document["processor_seconds"]["render"]) if alone else _all_of(rows, "processor_seconds", _used_s, sum)
     return Compared(
         report=source,
         partition="out-of-core" if alone else text(document.get("partition", "spatial")),
         scene=None if document.get("scene") is None else text(document["scene"]),
         nodes=max(len(rows), 1),
-        seconds=sum(_seconds(value) for name, value in document["render_seconds"].items() if name != _WITHIN_RENDER),
-        processor_seconds=processor or None,
-        memory_most=max((_count(row.get("memory_most", 0)) for row in (*rows, alone or {})), default=0) or None,
-        bytes_read=None if alone else int(_total(rows, "bytes_read", _count)),
+        seconds=sum(map(_seconds, document["render_seconds"].values())),
+        processor_seconds=processor,
+        memory_most=_all_of([alone] if alone else rows, "memory_most", _used, max),
+        bytes_read=None if alone else _all_of(rows, "bytes_read", _count, sum),
         bytes_passed=passed,
         bytes_returned=_if_said(document, "bytes_returned", _count),
         paths=paths,
-        transfers_per_path=_seconds(document["rays_passed_per_path"]),
-        bytes_per_path=passed / paths,
+        transfers_per_path=rays_passed,
+        bytes_per_path=passed / traced,
         efficiency=_seconds(document["efficiency"]),
         efficiency_of_rounds=_if_said(document, "efficiency_of_rounds", _seconds),
         rounds=_if_said(document, "rounds", len),
@@ -109,8 +113,11 @@ def _compared(document: Mapping[str, Any], source: str) -> Compared:
     )
 
 
-def _total(rows: Any, name: str, kind: Callable[[object], float]) -> float:
-    return sum(kind(row.get(name, 0)) for row in rows)
+def _all_of(rows: Sequence[Mapping[str, Any]], name: str, kind: Callable[[object], T | None], together: Callable[[list[T]], T]) -> T | None:
+    """Of all nodes; None if one does not say it."""
+    values = [kind(row[name]) if name in row else None for row in rows]
+    known = [value for value in values if value is not None]
+    return together(known) if known and len(known) == len(values) else None
 
 
 def _if_said(document: Mapping[str, Any], name: str, kind: Callable[[Any], Any]) -> Any:
@@ -120,6 +127,15 @@ def _if_said(document: Mapping[str, Any], name: str, kind: Callable[[Any], Any])
 
 def _count(value: object) -> int:
     return whole(value, 0, _COUNT_MAX)
+
+
+def _used(value: object) -> int | None:
+    """Of what no process takes nothing of: 0 stands where a node of an earlier version says nothing."""
+    return _count(value) or None
+
+
+def _used_s(value: object) -> float | None:
+    return _seconds(value) or None
 
 
 def _seconds(value: object) -> float:

@@ -168,7 +168,7 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         "nodes_back": back,
         "passes_traced_again": again,
         "rays_passed": passed,
-        "rays_passed_per_path": passed / paths,
+        "rays_passed_per_path": passed / max(paths - before, 1),
         "packets_passed": sum(node["packets_sent"] for node in nodes),
         "bytes_passed": passed * RAY_BYTES,
         "efficiency": sum(casts) / (len(casts) * max(casts)) if max(casts) else 1.0,

@@ -37,7 +37,7 @@ ODD = [None, True, -1, 1.5, float("nan"), float("inf"), "", "x", [], [1], {}, {"
 def test_what_it_says_of_a_pool() -> None:
     run = compared(SPATIAL, "a.json")
     assert (run.report, run.partition, run.nodes, run.rounds, run.cells_moved) == ("a.json", "spatial", 2, 2, 1)
-    assert run.seconds == 12.25, "what is part of another phase counts once"
+    assert run.seconds == 15.25, "no phase lies within another one"
     assert (run.processor_seconds, run.memory_most, run.bytes_read) == (12.5, 3000, 300)
     assert (run.transfers_per_path, run.bytes_per_path) == (0.5, 18.0)
     assert run.tail == 1.25
@@ -50,6 +50,19 @@ def test_what_an_earlier_report_does_not_say_is_not_known() -> None:
     run = compared({key: SPATIAL[key] for key in keys} | {"render_nodes": rows}, "old.json")
     assert (run.partition, run.bytes_read) == ("spatial", 101)
     assert {run.processor_seconds, run.memory_most, run.rounds, run.tail, run.image_sha256, run.scene} == {None}
+
+
+@pytest.mark.parametrize("row", [{}, {"bytes_read": 5, "processor_seconds": 0.0, "memory_most": 0}])
+def test_what_one_node_does_not_say_is_not_known_of_all(row: dict[str, Any]) -> None:
+    """As where nodes of two versions have rendered together."""
+    run = compared(SPATIAL | {"render_nodes": [SPATIAL["render_nodes"][0], row]}, "a.json")
+    assert (run.processor_seconds, run.memory_most) == (None, None)
+    assert run.bytes_read == (105 if row else None)
+
+
+def test_figures_of_paths_are_of_those_that_this_run_traced() -> None:
+    resumed = compared(SPATIAL | {"paths_before": 750, "rays_passed": 500}, "a.json")
+    assert (resumed.paths, resumed.transfers_per_path, resumed.bytes_per_path) == (1000, 2.0, 72.0)
 
 
 def test_a_render_within_a_budget_is_one_process() -> None:

@@ -58,6 +58,15 @@ def test_a_render_that_ends_early_has_a_tail_of_its_own() -> None:
     assert Course(passes=7).tail == []
 
 
+def test_passes_that_were_kept_are_no_part_of_the_tail() -> None:
+    course = Course(passes=1000, before=900)
+    course.closed(900, 10.0)
+    for number in range(1, 96):
+        course.closed(900 + number, 10.0 + number)
+    course.closed(1000, 150.0)
+    assert course.tail == [95.0, 140.0]
+
+
 @given(some.integers(1, 500), some.lists(some.tuples(some.integers(0, 500), some.floats(0.0, 100.0)), max_size=20))
 def test_the_last_pass_is_never_before_the_others(passes: int, looks: list[tuple[int, float]]) -> None:
     course, now = Course(passes), 0.0

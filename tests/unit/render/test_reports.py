@@ -87,6 +87,10 @@ def test_a_report_says_what_the_nodes_did() -> None:
     assert "failure" not in report["render_nodes"][0] and report["render_nodes"][0]["busy_seconds"] == 0.25
 
 
+def test_after_a_resumption_rays_are_of_the_paths_that_were_traced() -> None:
+    assert told({**STATE, "paths_before": 256})["rays_passed_per_path"] == 2.0
+
+
 def test_rounds_and_tail_are_told_and_an_earlier_organiser_knows_of_none() -> None:
     rows = [{**node(address), "processor_seconds": 1.5, "memory_most": 1 << 28} for address in ADDRESSES]
     report = told({**STATE, "rounds": [[150, 100, 2], [60, 30, 2]], "tail": [3.0, 4.0], "nodes": rows})

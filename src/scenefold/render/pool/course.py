@@ -12,7 +12,7 @@ from scenefold.wire import Value
 ROUNDS_MAX = 256
 """That are told; those after them are not."""
 STEPS = 100
-"""Of all passes, whose times are kept."""
+"""Of all passes that are to be traced, whose times are kept."""
 TAIL = 0.95
 States = Mapping[NodeId, Mapping[str, Value]]
 """What each node of the job told last."""
@@ -24,6 +24,8 @@ class Course:
 
     passes: int
     """Of all of its levels together."""
+    before: int = 0
+    """Those of them that were closed when it began, in a kept render."""
     moves: int = 0
     _rounds: list[list[int]] = field(default_factory=list)
     """Each: visits of cells by all nodes, by the busiest one, and how many nodes there were."""
@@ -49,7 +51,8 @@ class Course:
     def closed(self, passes: int, now: float) -> None:
         """So many are closed at this time; the first time that anybody asks is the beginning. After a loss it may be fewer than there were."""
         self._begun_at = now if self._begun_at is None else self._begun_at
-        while len(self._closed_after) < STEPS and passes >= math.ceil(self.passes * (len(self._closed_after) + 1) / STEPS):
+        traced, all_of_them = passes - self.before, self.passes - self.before
+        while len(self._closed_after) < STEPS and traced >= math.ceil(all_of_them * (len(self._closed_after) + 1) / STEPS):
             self._closed_after.append(now - self._begun_at)
 
     @property

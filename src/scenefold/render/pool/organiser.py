@@ -94,7 +94,6 @@ class Organiser:
         self._failure: Refused | None = None
         self._company: Company | None = None
         self._attempts: Attempts | None = None
-        self._course = Course(request.options.plan.count)
         self._released_at = 0.0
         self._level, self._goes_on = 0, EVERY_ROW
         """What is traced."""
@@ -106,6 +105,7 @@ class Organiser:
         self._comebacks: Comebacks | None = None
         self._digest = bytes(DIGEST_BYTES)
         self._before = 0 if request.keep is None else request.keep.passes
+        self._course = Course(request.options.plan.count, before=self._before)
         self._paths_before = 0
         size = film_size(request.options.plan, request.options.columns, request.options.window.pixels, self._before) if self._before else 0
         self._coming = ComingFilm(size)
