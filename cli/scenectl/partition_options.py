@@ -76,10 +76,12 @@ def check_partition(
             raise UsageFault(f"--frames and --{name} are given", where=STILL, remedy="leave out one of them")
 
 
-def check_threads(engine: str | None, threads: int | None) -> None:
-    """UsageFault for threads of this process where others do the work."""
+def check_engine(engine: str | None, *, threads: int | None, trust_network: bool) -> None:
+    """UsageFault for threads of this process where others do the work, or for trust in a network that nothing goes through."""
     from scenefold.base.errors import UsageFault
 
+    if engine is None and trust_network:
+        raise UsageFault("--trust-network is said of the way to an engine", where=STILL, remedy="give --engine, too, or leave it out")
     if engine is not None and threads is not None and not is_of_variable(threads, "SCENEFOLD_THREADS"):
         what = "--threads are of this process, and the workers of an engine have their own"
         raise UsageFault(what, where=STILL, remedy="say it where they are started: dask worker --nthreads")

@@ -15,7 +15,7 @@ from scenectl.moment_values import FpsOption, FrameOption, TimeOption, check_of_
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
-from scenectl.partition_options import FramesOption, PartitionOption, check_frames_alone, check_partition, check_threads, images_of
+from scenectl.partition_options import FramesOption, PartitionOption, check_frames_alone, check_engine, check_partition, images_of
 from scenectl.render_report import report
 from scenectl.unattended import cancel, fetch, list_all, start, watch
 from scenectl.values import PortsOption, whole
@@ -53,6 +53,7 @@ def still(
     memory: MemoryOption | None = None,
     partition: PartitionOption = "spatial",
     engine: str | None = None,
+    trust_network: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     frames: FramesOption | None = None,
     report_to: Annotated[Path | None, Parameter(name="--report")] = None,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
@@ -105,6 +106,8 @@ def still(
         How the work is shared out: spatial, among nodes that each hold a part of the scene and pass rays on; visual, the pixels, or temporal, whole frames, among threads or other workers that each hold all of it. The image is the same. The last two need the extra scenefold[dask].
     engine
         Address of the Dask scheduler whose workers render a visual or temporal partition, as tls://10.0.0.5:8786; by default threads of this process do. The workers open the file, or the profile, themselves, under the same path or name.
+    trust_network
+        Use an engine at tcp:// on another computer for a file: whoever can answer in its place, or runs one of its workers, can run any program as you.
     frames
         With --partition temporal: frames of a file with animations, FIRST-LAST, both included. Their number is put into the names of the files.
     report_to
@@ -135,6 +138,7 @@ def still(
     }
     of_pool = {name: of_a_cluster[name] for name in ("--nodes", "--ports")} | {"--memory": (memory, ""), "--resume": (resume, "")}
     check_partition(partition, engine=engine, frames=frames, of_pool=of_pool, frame=frame, time=time)
+    check_engine(engine, threads=threads, trust_network=trust_network)
     if file is None:
         check_of_a_file("scenectl render still", frame=frame, frames=frames, fps=fps, time=time, animation=animation)
     check_frames_alone(frames, output.profile)
@@ -165,8 +169,7 @@ def still(
     if partition != "spatial":
         from scenectl.still_in_tasks import InTasks, frames_text, make_in_tasks
 
-        check_threads(engine, threads)
-        how = InTasks(partition=partition, engine=engine, frames=frames, fps=fps, animation=animation)
+        how = InTasks(partition=partition, engine=engine, trust_network=trust_network, frames=frames, fps=fps, animation=animation)
         with Progress(quiet=output.json) as progress:
             made = run(make_in_tasks, job, how, progress)
         emit(output, made, frames_text(made) if "frames" in made else report_text(made))

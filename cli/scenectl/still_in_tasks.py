@@ -29,6 +29,8 @@ class InTasks:
     partition: str
     engine: str | None
     """Address of a Dask scheduler; None: threads of this process."""
+    trust_network: bool = False
+    """Whether that may be one by tcp on another computer."""
     frames: Frames | None = None
     fps: float | None = None
     animation: str | None = None
@@ -47,11 +49,14 @@ class _Ready(NamedTuple):
 
 async def make_in_tasks(job: StillJob, how: InTasks, progress: ProgressCallback) -> dict[str, Any]:
     """Do the whole job, and return its report (docs/reference/scenectl.md, *Report of an image*)."""
+    from scenefold.peer.settings import processors
     from scenefold.render.tasks.engine import check_installed, checked_address
+    from scenefold.render.tasks.rendering import Workers
 
-    address = None if how.engine is None else checked_address(how.engine, is_secret=job.profile is not None)
+    is_secret, is_trusted = job.profile is not None, how.trust_network
+    address = None if how.engine is None else checked_address(how.engine, is_secret=is_secret, is_network_trusted=is_trusted)
     check_installed(address)
-    workers = _workers(address, job.threads)
+    workers = Workers(threads=job.threads or processors(), address=address, is_secret=is_secret)
     phases, tell = Phases(), _task_progress(progress)
     async with _ready(job, phases, progress) as ready:
         if how.partition == "visual":
@@ -168,13 +173,6 @@ async def _scene(job: StillJob, cluster: Cluster, phases: Phases, progress: Prog
 def _profile_of(profile: str) -> str:
     """As tasks find it: a name is one on any computer, a folder has a path."""
     return os.path.abspath(profile) if os.path.isdir(profile) else profile  # noqa: PTH100, PTH112  text in, text out
-
-
-def _workers(address: str | None, threads: int | None) -> Workers:
-    from scenefold.peer.settings import processors
-    from scenefold.render.tasks.rendering import Workers
-
-    return Workers(threads=threads or processors(), address=address)
 
 
 def _at(source: Source, frame: int, how: InTasks) -> Source:

@@ -26,6 +26,9 @@ WRONG = {
     "--partition temporal --frames 0-100000": "100,000 frames",
     "--partition visual --engine 127.0.0.1": "no address of a Dask scheduler",
     "--partition visual --engine tcp://127.0.0.1:8786 --threads 2": "--threads are of this process",
+    "--partition visual --engine tcp://10.0.0.5:8786": "--trust-network",
+    "--partition visual --trust-network": "--trust-network is said of the way to an engine",
+    "--trust-network": "--trust-network is said of the way to an engine",
     "--partition diagonal": "diagonal",
 }
 

@@ -29,7 +29,16 @@ def test_what_may_carry_a_scene_of_a_cluster(address: str) -> None:
 def test_an_open_line_to_elsewhere_is_for_files_alone(address: str) -> None:
     with pytest.raises(UsageFault, match=r"keys.*tls://"):
         checked_address(address, is_secret=True)
-    assert checked_address(address, is_secret=False) == address
+    assert checked_address(address, is_secret=False, is_network_trusted=True) == address
+
+
+def test_nor_for_those_unless_the_network_is_trusted() -> None:
+    """Who answers in an engine's place can run any code here."""
+    with pytest.raises(UsageFault, match=r"run any code in this process.*tls://.*--trust-network"):
+        checked_address("tcp://10.0.0.5:8786", is_secret=False)
+    with pytest.raises(UsageFault, match="keys"):
+        checked_address("tcp://10.0.0.5:8786", is_secret=True, is_network_trusted=True)
+    assert checked_address("tcp://127.0.0.1:8786", is_secret=False) == "tcp://127.0.0.1:8786"
 
 
 @pytest.mark.parametrize(

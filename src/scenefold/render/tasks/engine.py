@@ -10,9 +10,10 @@ import ipaddress
 import logging
 import queue
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from itertools import islice
 from typing import Any, Protocol, TypeVar
 from urllib.parse import urlsplit
 
@@ -27,7 +28,12 @@ EXTRA = "scenefold[dask]"
 CONNECT_S = 10.0
 LOOK_S = 30.0
 """Without a word from the scheduler, it is asked whether it has workers."""
+ANSWER_S = 10.0
+TASKS_AT_A_WORKER = 2
+"""One is done, and one waits for it."""
 SCHEMES = ("tcp", "tls")
+OF_ENGINES = ("distributed", "tornado", "asyncio")
+"""Loggers of what runs a client of Dask; nothing else here uses the last two."""
 T = TypeVar("T")
 Task = Callable[[], T]
 
@@ -88,6 +94,7 @@ class ThreadsEngine:
         self._is_stopped = False
         self.workers = threads
         self.name = "threads"
+        self._pool = ThreadPoolExecutor(threads)
 
     def map(self, tasks: Sequence[Task[T]], take: Callable[[T], None]) -> bool:
         """See `Engine`."""
@@ -100,15 +107,15 @@ class ThreadsEngine:
         delayed = self._dask.delayed
         # What was taken is dropped; the results of `compute` would all be kept until the last one is there.
         graph = [delayed(taken, traverse=False)(delayed(task, traverse=False)()) for task in tasks]
-        with ThreadPoolExecutor(self.workers) as pool:
-            try:
-                self._dask.compute(*graph, scheduler="threads", pool=pool, num_workers=self.workers, optimize_graph=False)
-            except RenderEnded:
-                assert self._is_stopped, "nobody else ends it"
-            except BaseException:
-                # Those that are at work are waited for, and nobody wants what they do.
-                self._end()
-                raise
+        try:
+            self._dask.compute(*graph, scheduler="threads", pool=self._pool, num_workers=self.workers, optimize_graph=False)
+        except RenderEnded:
+            assert self._is_stopped, "nobody else ends it"
+            self.close()
+        except BaseException:
+            # Nobody wants what the others do.
+            self.close()
+            raise
         return not self._is_stopped
 
     def stop(self) -> None:
@@ -119,35 +126,42 @@ class ThreadsEngine:
     def close(self) -> None:
         """See `Engine`."""
         self._end()
+        # Those that are at work are waited for.
+        self._pool.shutdown(cancel_futures=True)
 
 
 class ClusterEngine:
     """The workers of a Dask cluster. To make one connects, and blocks."""
 
-    def __init__(self, address: str, end: Callable[[], None]) -> None:
-        """`end`: makes tasks end soon in the process that calls it. LocalFault without the extra; Unreachable if no scheduler, or no worker, is there."""
+    def __init__(self, address: str, end: Callable[[], None], *, is_secret: bool = False) -> None:
+        """`end`: makes tasks end soon in the process that calls it. `is_secret`: it may be used by tls, or if all of it is on this computer.
+
+        LocalFault without the extra, or if it may not; Unreachable if no scheduler, or no worker, is there.
+        """
         self._dask, self._distributed = _dask(), _distributed()
         self._end = end
         self._heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
         """Futures that are done; None: it was stopped."""
         self.name = address
-        # What it would say of trouble, tracebacks included, is told by our errors.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        _silence()
         self._client = self._connected(address)
-        self.workers = self._threads()
-        if not self.workers:
-            self._client.close()
-            raise self._no_workers()
+        try:
+            if is_secret and not address.startswith("tls:"):
+                self._check_here()
+            self.workers = self._threads()
+            if not self.workers:
+                raise self._no_workers()
+        except BaseException:
+            self._close_client()
+            raise
 
     def map(self, tasks: Sequence[Task[T]], take: Callable[[T], None]) -> bool:
         """See `Engine`."""
-        delayed = self._dask.delayed
-        futures = self._client.compute([delayed(task, traverse=False)() for task in tasks], optimize_graph=False)
-        for future in futures:
-            future.add_done_callback(self._heard.put)
-        left = len(futures)
+        waiting = iter(tasks)
+        at_work: dict[object, Any] = {}
         try:
-            while left:
+            self._begin(islice(waiting, TASKS_AT_A_WORKER * self.workers), at_work)
+            while at_work:
                 try:
                     heard = self._heard.get(timeout=LOOK_S)
                 except queue.Empty:
@@ -156,13 +170,23 @@ class ClusterEngine:
                     continue
                 if heard is None:
                     return False
-                left -= 1
-                take(self._result(heard))
+                result = self._result(heard)
+                del at_work[heard.key]
                 heard.release()
+                # What is done and not taken yet lies in memory, so that not all are begun at once.
+                self._begin(islice(waiting, 1), at_work)
+                take(result)
         finally:
-            if left:
-                self._client.cancel(futures, force=True)
+            if at_work:
+                self._client.cancel([*at_work.values()], force=True)
         return True
+
+    def _begin(self, tasks: Iterable[Task[T]], at_work: dict[object, Any]) -> None:
+        delayed = self._dask.delayed
+        graph = [delayed(task, traverse=False)() for task in tasks]
+        for future in self._client.compute(graph, optimize_graph=False) if graph else ():
+            at_work[future.key] = future
+            future.add_done_callback(self._heard.put)
 
     def stop(self) -> None:
         """See `Engine`."""
@@ -170,9 +194,10 @@ class ClusterEngine:
 
     def close(self) -> None:
         """See `Engine`."""
-        with suppress(OSError):  # of a scheduler that is gone: then its workers end by themselves
-            self._client.run(self._end, on_error="ignore")
-        self._client.close()
+        # Of a scheduler that is gone, or does not answer, workers end with their tasks.
+        with suppress(Unreachable):
+            self._asked(lambda client: client.run(self._end, on_error="ignore"))
+        self._close_client()
 
     def _connected(self, address: str) -> Any:
         security = self._distributed.Security()
@@ -185,11 +210,31 @@ class ClusterEngine:
             remedy = "start one there (dask scheduler), with workers, or give the address that it says"
             raise Unreachable("no Dask scheduler answers", where=address, remedy=remedy) from error
 
+    def _close_client(self) -> None:
+        with suppress(OSError):  # that it took too long: the process ends without a word of its scheduler
+            self._client.close(timeout=ANSWER_S)
+
     def _threads(self) -> int:
+        return sum(self._asked(lambda client: client.nthreads()).values())
+
+    def _asked(self, question: Callable[[Any], Any]) -> Any:
+        """What the client learns from the scheduler; Unreachable if that does not answer."""
+        if self._client.scheduler is None:
+            raise self._gone()
         try:
-            return sum(self._client.nthreads().values())
+            # Called in the client's own loop its methods are awaited, and so have an end.
+            return self._client.sync(lambda: question(self._client), callback_timeout=ANSWER_S)
         except OSError as error:
             raise self._gone() from error
+
+    def _check_here(self) -> None:
+        """LocalFault unless scheduler and workers can be reached from this computer alone, wherever the address is passed on to."""
+        known = self._asked(lambda client: client.scheduler.identity(n_workers=-1))
+        for address in (known["address"], *known["workers"]):
+            if not _is_here(_host_of(address)):
+                what = f"the engine is not of this computer alone, for {address:.200} can be reached from elsewhere"
+                remedy = "start its scheduler and all workers with --host 127.0.0.1, or have all of them speak tls"
+                raise LocalFault(what, where=self.name, remedy=remedy)
 
     def _result(self, future: Any) -> Any:
         try:
@@ -231,8 +276,11 @@ def check_installed(address: str | None) -> None:
         _distributed()
 
 
-def checked_address(address: str, *, is_secret: bool) -> str:
-    """The address of a scheduler; UsageFault if it is none, or does not hide what is secret (specs/32-partitions.md, What is sent)."""
+def checked_address(address: str, *, is_secret: bool, is_network_trusted: bool = False) -> str:
+    """The address of a scheduler; UsageFault if it is none, or may not be used (specs/32-partitions.md, What is sent).
+
+    `is_network_trusted`: of whoever could answer in its place, by whom any code could be run here. For what is secret it counts for nothing.
+    """
     where, remedy = f"--engine {address:.200}", "give it as the scheduler says it, as tcp://10.0.0.5:8786 or tls://10.0.0.5:8786"
     try:
         parts = urlsplit(address)
@@ -244,7 +292,17 @@ def checked_address(address: str, *, is_secret: bool) -> str:
     if is_secret and scheme != "tls" and not _is_here(host):
         what = "whoever reaches a scheduler by tcp can use its workers, and read their profiles' keys"
         raise UsageFault(what, where=where, remedy="render a scene of a cluster by an engine with tls://, or on this computer")
+    if scheme != "tls" and not is_network_trusted and not _is_here(host):
+        what = "whoever answers in the place of an engine by tcp, or is one of its workers, can run any code in this process"
+        raise UsageFault(what, where=where, remedy="use one with tls://, or add --trust-network if you trust all who are on the way there")
     return address
+
+
+def _host_of(address: str) -> str:
+    try:
+        return urlsplit(address).hostname or ""
+    except ValueError:
+        return ""
 
 
 def _is_here(host: str) -> bool:
@@ -252,6 +310,13 @@ def _is_here(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def _silence() -> None:
+    """What packages of the engine would say of trouble, tracebacks included, is told by our errors. Some of their loggers have a level of their own."""
+    for name in {*OF_ENGINES, *logging.root.manager.loggerDict}:
+        if name.partition(".")[0] in OF_ENGINES:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @contextmanager

@@ -39,6 +39,8 @@ class Workers:
     """Of this process,"""
     address: str | None = None
     """unless a Dask scheduler is named, as `checked_address` gave it."""
+    is_secret: bool = False
+    """Whether what they open must be out of others' reach: a scene of a cluster is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +157,7 @@ async def _engine(render: str, workers: Workers, progress: Progress) -> AsyncIte
     if workers.address is None:
         made = await threads.run(LANE, ThreadsEngine, workers.threads, end)
     else:
-        made = await threads.run(LANE, ClusterEngine, workers.address, end)
+        made = await threads.run(LANE, partial(ClusterEngine, workers.address, end, is_secret=workers.is_secret))
     try:
         progress("prepare", 1, 1)
         yield made, {"prepare": time.monotonic() - begun}
