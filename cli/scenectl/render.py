@@ -15,7 +15,7 @@ from scenectl.moment_values import FpsOption, FrameOption, TimeOption, check_of_
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
-from scenectl.partition_options import FramesOption, PartitionOption, check_frames_alone, check_engine, check_partition, images_of
+from scenectl.partition_options import FramesOption, PartitionOption, check_engine, check_frames_alone, check_partition, images_of
 from scenectl.render_report import report
 from scenectl.unattended import cancel, fetch, list_all, start, watch
 from scenectl.values import PortsOption, whole

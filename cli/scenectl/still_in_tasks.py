@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from scenectl.still import ImageFiles, Phases, StillJob, write_image
 
 if TYPE_CHECKING:
     from scenectl.partition_options import Frames
-    from scenefold.client import Cluster, Scene
+    from scenefold.client import Cluster, ImportReport, Scene
     from scenefold.client.progress import ProgressCallback
     from scenefold.render.job import RenderOptions
     from scenefold.render.layers import Pixels
@@ -43,8 +44,10 @@ class _Ready(NamedTuple):
     options: RenderOptions
     exposure: float | None
     content: bytes | None
-    nodes: int
-    """Of the cluster that holds the scene; 0: none does."""
+    nodes: tuple[str, ...]
+    """Addresses, of the cluster that holds the scene; none: no cluster does."""
+    imported: ImportReport | None = None
+    """How the file came into it."""
 
 
 async def make_in_tasks(job: StillJob, how: InTasks, progress: ProgressCallback) -> dict[str, Any]:
@@ -67,8 +70,8 @@ async def make_in_tasks(job: StillJob, how: InTasks, progress: ProgressCallback)
         "scene": job.scene_name,
         "file": None if job.file is None else str(job.file),
         "time": None if job.moment is None else job.moment.time_s,
-        "nodes": ready.nodes,
-        "records_per_node": None,
+        "nodes": len(ready.nodes),
+        "records_per_node": None if ready.imported is None else {node: ready.imported.records_by_node.get(node, 0) for node in ready.nodes},
         **made,
         "left_out": [],
         "seconds": phases.seconds,
@@ -84,7 +87,7 @@ async def _one_image(job: StillJob, ready: _Ready, workers: Workers, tell: Progr
     with phases.time("write"):
         write = partial(write_image, job.scene_name, job.files, ready.options, made.layers, ready.exposure)
         written = await offline_world().workers.run("import", write)
-    return {"import": _imported(job, made.not_carried), **made.report, **written}
+    return {"import": _imported(job, ready, made.not_carried), **made.report, **written}
 
 
 async def _frames(job: StillJob, how: InTasks, ready: _Ready, workers: Workers, tell: Progress, phases: Phases) -> dict[str, Any]:
@@ -100,9 +103,12 @@ async def _frames(job: StillJob, how: InTasks, ready: _Ready, workers: Workers, 
         written[index] = write_image(job.scene_name, files[index], ready.options, layers, ready.exposure)
         left.update(dict.fromkeys(not_carried))
 
-    with phases.time("render"):
-        report = await render_temporal(sources, ready.options, workers, tell, made, ready.content)
-    document = {"import": _imported(job, tuple(left)), **report}
+    begun = time.monotonic()
+    report = await render_temporal(sources, ready.options, workers, tell, made, ready.content)
+    took, rendering = time.monotonic() - begun, sum(report["render_seconds"].values())
+    # Most frames are written while others are made.
+    phases.seconds |= {"render": round(rendering, 3), "write": round(max(took - rendering, 0.0), 3)}
+    document = {"import": _imported(job, ready, tuple(left)), **report}
     if numbers is None:
         return document | written[0]
     of_frame = ("image_sha256", "exr", "png", "exposure", "pixels_not_finite")
@@ -138,7 +144,7 @@ async def _ready(job: StillJob, phases: Phases, progress: ProgressCallback) -> A
         assert job.file is not None
         environment = None if job.environment is None else job.environment.absolute()
         file = SceneFile(job.file.absolute(), job.moment or AT_REST, environment)
-        yield _Ready(file, job.options.checked(), job.options.exposure, None, 0)
+        yield _Ready(file, job.options.checked(), job.options.exposure, None, ())
         return
     from scenectl.passphrases import known_passphrase
     from scenectl.running import connected
@@ -146,7 +152,7 @@ async def _ready(job: StillJob, phases: Phases, progress: ProgressCallback) -> A
 
     async with AsyncExitStack() as stack:
         cluster = await stack.enter_async_context(connected(job.profile))
-        scene = await _scene(job, cluster, phases, progress)
+        scene, imported = await _scene(job, cluster, phases, progress)
         said = job.options.heeded((await scene.render_settings()).settings)
         await stack.enter_async_context(cluster.calls.leases.rendering(scene.access))
         content = await scene.content()
@@ -154,20 +160,20 @@ async def _ready(job: StillJob, phases: Phases, progress: ProgressCallback) -> A
             raise LocalFault("the scene is empty", where=job.scene_name, remedy="import a file into it first: scenectl scene import")
         exposure = job.options.exposure if job.options.exposure is not None else said.exposure
         source = ClusterScene(_profile_of(job.profile), job.scene_name, known_passphrase)
-        yield _Ready(source, job.options.checked(said), exposure, content.digest, len(await cluster.nodes()))
+        nodes = tuple(node.address for node in await cluster.nodes())
+        yield _Ready(source, job.options.checked(said), exposure, content.digest, nodes, imported)
 
 
-async def _scene(job: StillJob, cluster: Cluster, phases: Phases, progress: ProgressCallback) -> Scene:
+async def _scene(job: StillJob, cluster: Cluster, phases: Phases, progress: ProgressCallback) -> tuple[Scene, ImportReport | None]:
     from scenefold.client import prepare_import
 
     if job.file is None:
-        return await cluster.scenes.open(job.scene_name)
+        return await cluster.scenes.open(job.scene_name), None
     with phases.time("read"):
         prepared = await prepare_import(cluster.calls.world, job.file, progress, job.moment, job.environment)
     prepared.check_camera(job.options.camera)
     with phases.time("import"):
-        scene, _ = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
-    return scene
+        return await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
 
 
 def _profile_of(profile: str) -> str:
@@ -187,7 +193,10 @@ def _files_of(files: ImageFiles, frame: int) -> ImageFiles:
     return replace(files, exr=numbered(files.exr, frame), png=numbered(files.png, frame))
 
 
-def _imported(job: StillJob, not_carried: tuple[str, ...]) -> dict[str, Any] | None:
+def _imported(job: StillJob, ready: _Ready, not_carried: tuple[str, ...]) -> dict[str, Any] | None:
+    """What of a file could not be carried over: as its import into the cluster says, or, if there is none, as those did who read it."""
+    if ready.imported is not None:
+        return ready.imported.document()
     return None if job.file is None else {"not_carried": list(not_carried)}
 
 

@@ -91,6 +91,19 @@ async def test_an_engine_does_one_lot_after_the_other() -> None:
 
 
 @needs_dask
+def test_its_threads_are_the_same_ones_for_all_lots() -> None:
+    """Work is counted by thread, and a lot is but a level."""
+    engine, threads = ThreadsEngine(1, nothing), list[int]()
+    try:
+        for _ in range(3):
+            assert engine.map([threading.get_ident] * 2, threads.append)
+    finally:
+        engine.close()
+    assert len(threads) == 6 and len(set(threads)) == 1
+    assert not [thread for thread in threading.enumerate() if thread.ident in threads], "none is left behind"
+
+
+@needs_dask
 async def test_the_error_of_a_task_is_ours_and_the_others_end() -> None:
     ended = threading.Event()
 

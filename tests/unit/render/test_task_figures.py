@@ -27,13 +27,21 @@ def test_processes_and_threads_are_told_apart() -> None:
     figures.add(SEEN, use("a:1", 1, 2.0, 3.0, 30), 100)
     figures.add(SEEN, use("a:1", 2, 2.5, 4.0, 10), 100)
     figures.add(SEEN, use("b:9", 1, 7.0, 8.0, 20), 50)
-    document = figures.document(30, {"render": 2.0})
+    document = figures.document(30, {"render": 2.0}, 3)
     first, second = document["render_nodes"]
     assert (first["address"], first["threads"], first["tasks"], first["casts"], first["bytes_read"]) == ("a:1", 2, 2, 40, 14)
     assert (first["processor_seconds"], second["processor_seconds"]) == (2.0, 1.0), "of a process, however many of its threads worked"
     assert first["memory_most"] == 1030
     assert (document["paths"], document["paths_per_second"], document["bytes_returned"]) == (30, 15.0, 250)
     assert document["efficiency"] == 60 / (3 * 30)
+
+
+def test_threads_without_work_are_threads() -> None:
+    figures = Figures()
+    figures.add(SEEN, use("a:1", 1, 2.0, 3.0, 30), 100)
+    assert figures.document(30, {}, 4)["efficiency"] == 0.25
+    figures.add(SEEN, use("a:1", 2, 2.0, 3.0, 30), 100)
+    assert figures.document(30, {}, 1)["efficiency"] == 1.0, "one came later"
 
 
 def test_workers_of_two_numeric_classes_make_no_image() -> None:

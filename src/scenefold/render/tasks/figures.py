@@ -67,14 +67,17 @@ class Figures:
         self.paths += use.paths
         self.bytes_returned += returned
 
-    @property
-    def efficiency(self) -> float:
-        """Mean of the threads' work over that of the busiest one."""
+    def efficiency(self, threads: int) -> float:
+        """Mean work of so many threads, also of those that had none, over that of the busiest one."""
         most = max(self._casts.values(), default=0)
-        return sum(self._casts.values()) / (len(self._casts) * most) if most else 1.0
+        # There are more if a worker came later, or in the place of one that died.
+        return sum(self._casts.values()) / (max(threads, len(self._casts)) * most) if most else 1.0
 
-    def document(self, pixels: int, seconds: dict[str, float]) -> dict[str, Any]:
-        """As of an image that a pool has made, as far as it can be said. `pixels`: of all images together; `seconds`: of the phases."""
+    def document(self, pixels: int, seconds: dict[str, float], threads: int) -> dict[str, Any]:
+        """As of an image that a pool has made, as far as it can be said.
+
+        `pixels`: of all images together; `seconds`: of the phases; `threads`: that the engine has.
+        """
         assert self.seen is not None, "something was done"
         nodes = self._nodes.values()
         rays, rendering = sum(node.rays for node in nodes), max(seconds.get("render", 0.0), 1e-9)
@@ -92,7 +95,7 @@ class Figures:
             "packets_passed": 0,
             "bytes_passed": 0,
             "bytes_returned": self.bytes_returned,
-            "efficiency": self.efficiency,
+            "efficiency": self.efficiency(threads),
             "contributions_not_finite": sum(node.not_finite for node in nodes),
             "contributions_clamped": sum(node.clamped for node in nodes),
             "render_seconds": {name: round(value, 3) for name, value in seconds.items()},

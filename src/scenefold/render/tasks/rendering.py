@@ -18,9 +18,11 @@ from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import Pixels
-from scenefold.render.pool.share import LANE
+from scenefold.render.out_of_core.compiling import compile_apart
+from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.tasks.engine import ClusterEngine, Engine, ThreadsEngine, done_by
 from scenefold.render.tasks.figures import Figures
+from scenefold.render.tasks.handed_on import HandedOn
 from scenefold.render.tasks.runs import runs_of
 from scenefold.render.tasks.sources import Source
 from scenefold.render.tasks.tracing import levels_of, slice_of
@@ -80,7 +82,7 @@ async def render_visual(source: Source, options: RenderOptions, workers: Workers
     begun = time.monotonic()
     layers = await threads.run(LANE, develop, film, options.layers, seen.box, seen.near)
     seconds["merge"] = time.monotonic() - begun
-    report = {"partition": "visual", "engine": engine.name, **figures.document(options.window.pixels, seconds)}
+    report = {"partition": "visual", "engine": engine.name, **figures.document(options.window.pixels, seconds, engine.workers)}
     return Made(layers, report, seen.not_carried)
 
 
@@ -94,26 +96,39 @@ async def render_temporal(
 ) -> dict[str, Any]:
     """Whole frames, each made by one thread; the report. `made`: gets each one's index, its layers and what its file could not carry, in any thread, one at a time.
 
-    `content` and errors as of `render_visual`. Frames that were made before one of them failed have been given to `made`.
+    It is called while others are made, and what it takes beyond that is in no phase of the report. `content` and errors as of `render_visual`.
+    Frames that were made before one of them failed have been given to `made`.
     """
     options.check()
     render, progress, threads = _named(), _on_trio(progress), offline_world().workers
     figures, done = Figures(), 0
 
-    def take(index_and_frame: tuple[int, MadeFrame]) -> None:
+    def write(index_and_frame: tuple[int, MadeFrame]) -> None:
         nonlocal done
         index, frame = index_and_frame
-        figures.add(frame.seen, frame.use, sum(layer.nbytes for layer in frame.layers.values()), is_same_scene=False)
         made(index, frame.layers, frame.seen.not_carried)
         done += 1
         progress("render", done, len(frames))
 
     async with _engine(render, workers, progress) as (engine, seconds):
+        handed_on = HandedOn(engine.workers, write)
+
+        def take(index_and_frame: tuple[int, MadeFrame]) -> None:
+            _, frame = index_and_frame
+            figures.add(frame.seen, frame.use, sum(layer.nbytes for layer in frame.layers.values()), is_same_scene=False)
+            handed_on.give(index_and_frame)
+
         begun = time.monotonic()
         tasks = [partial(_numbered_frame, index, Asked(render, source, options, content)) for index, source in enumerate(frames)]
-        await done_by(engine, tasks, take, threads)
-        seconds["render"] = time.monotonic() - begun
-    document = figures.document(options.window.pixels * len(frames), seconds)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(threads.run, FILM_LANE, handed_on.write_all)
+            try:
+                await done_by(engine, tasks, take, threads)
+            finally:
+                handed_on.end()
+        assert handed_on.last_at is not None, "a frame was made"
+        seconds["render"] = handed_on.last_at - begun
+    document = figures.document(options.window.pixels * len(frames), seconds, engine.workers)
     return {"partition": "temporal", "engine": engine.name, **document}
 
 
@@ -140,7 +155,8 @@ class _Rows:
 
     def __call__(self, traced: TracedRun) -> None:
         columns = self._film.rows.columns
-        words = np.frombuffer(traced.rows, np.uint64).reshape(traced.run.rows, row_bytes(columns) // 8)
+        # A copy: for rows that cannot be written kernels would be compiled once more.
+        words = np.frombuffer(traced.rows, np.uint64).reshape(traced.run.rows, row_bytes(columns) // 8).copy()
         self._figures.add(traced.seen, traced.use, len(traced.rows))
         self._film.add_rows(traced.run.first_row, words)
         self._done += 1
@@ -155,6 +171,8 @@ async def _engine(render: str, workers: Workers, progress: Progress) -> AsyncIte
     end = partial(end_render, render)
     made: Engine
     if workers.address is None:
+        # Else each thread would wait for the first one, which would do it in its task.
+        await compile_apart()
         made = await threads.run(LANE, ThreadsEngine, workers.threads, end)
     else:
         made = await threads.run(LANE, partial(ClusterEngine, workers.address, end, is_secret=workers.is_secret))

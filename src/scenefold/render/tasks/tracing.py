@@ -24,7 +24,8 @@ PIECE_RAYS = 16_384
 def rows_of(tracer: Tracer, job: Job, run: Run, goes_on: bytes, use: Use, check: Callable[[], None]) -> FilmRows:
     """The rows of a run, of the samples that it has. `use`: is added to. `check`: called before each sample, and may raise."""
     pixels, columns = job.window.pixels, job.columns
-    chosen = np.frombuffer(goes_on, np.uint8)
+    # A copy: for a table that cannot be written kernels would be compiled once more.
+    chosen = np.frombuffer(goes_on, np.uint8).copy()
     assert len(chosen) in (0, run.rows), "a byte for each row"
     rows = FilmRows.zeros(run.rows, columns)
     sums = PassSums.zeros(run.rows, columns)

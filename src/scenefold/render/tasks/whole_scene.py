@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
 
 import trio
 
@@ -20,9 +22,12 @@ from scenefold.render.numbers import depth_of_box, job_box
 from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.pool.share import LANE, load_share, read_tables
 from scenefold.render.tasks.sources import Source
-from scenefold.world import offline_world
+from scenefold.world import background_tasks, offline_world
 
 RENDERER = "embree"
+LOOK_S = 0.2
+T = TypeVar("T")
+_compiling = threading.Lock()
 
 
 @dataclass(slots=True)
@@ -61,17 +66,35 @@ class WholeScene:
         self.scene.close()
 
 
-def open_whole(source: Source, options: RenderOptions, content: bytes | None = None) -> WholeScene:
+def open_whole(source: Source, options: RenderOptions, check: Callable[[], None], content: bytes | None = None) -> WholeScene:
     """Read and open a scene, in this thread; kernels that are not compiled yet are, by another process, before.
 
+    `check`: raises once nobody wants the scene any more; then it is not waited for, but what only computes comes to its end.
     `content`: the digest that the scene's document must have; None: any. DamagedData if it is another one; the errors of the source;
     LocalFault if the scene has no such camera, or the renderer no such layer.
     """
-    return trio.run(_open, source, options, content)
+    check()
+    # Of the threads of a process one has them compiled, and the others find them there.
+    with _compiling:
+        check()
+        trio.run(_wanted, compile_apart, check)
+    return trio.run(_wanted, partial(_open, source, options, content), check)
+
+
+async def _wanted(wait: Callable[[], Awaitable[T]], check: Callable[[], None]) -> T:
+    """What that gives, unless `check` raises before."""
+
+    async def look() -> None:
+        while True:
+            await trio.sleep(LOOK_S)
+            check()
+
+    async with background_tasks() as nursery:
+        nursery.start_soon(look)
+        return await wait()
 
 
 async def _open(source: Source, options: RenderOptions, content: bytes | None) -> WholeScene:
-    await compile_apart()
     workers = offline_world(lanes={LANE: 1}).workers
     renderer = load_renderer(RENDERER)
     check_layers_written(renderer, options.layers)

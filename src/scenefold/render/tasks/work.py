@@ -106,11 +106,15 @@ def trace_run(asked: Asked, run: Run, goes_on: bytes) -> TracedRun:
     from scenefold.render.tasks.whole_scene import open_whole
 
     use = _begun()
-    with _held.borrowed(asked.render, lambda: open_whole(asked.source, asked.options, asked.content)) as (whole, is_new):
+
+    def check() -> None:
+        _held.check(asked.render)
+
+    with _held.borrowed(asked.render, lambda: open_whole(asked.source, asked.options, check, asked.content)) as (whole, is_new):
         use.bytes_read = whole.bytes_read if is_new else 0
         begun = time.monotonic()
         with whole.tracer() as tracer:
-            rows = rows_of(tracer, whole.job, run, goes_on, use, lambda: _held.check(asked.render))
+            rows = rows_of(tracer, whole.job, run, goes_on, use, check)
         use.busy_s = time.monotonic() - begun
         return TracedRun(run, rows.words.tobytes(), _seen(whole), _ended(use))
 
@@ -122,14 +126,16 @@ def render_frame(asked: Asked) -> MadeFrame:
     from scenefold.render.tasks.tracing import film_of
     from scenefold.render.tasks.whole_scene import open_whole
 
+    def check() -> None:
+        _held.check(asked.render)
+
     use = _begun()
-    _held.check(asked.render)
-    whole = open_whole(asked.source, asked.options, asked.content)
+    whole = open_whole(asked.source, asked.options, check, asked.content)
     try:
         use.bytes_read = whole.bytes_read
         begun = time.monotonic()
         with whole.tracer() as tracer:
-            film = film_of(tracer, whole.job, use, lambda: _held.check(asked.render))
+            film = film_of(tracer, whole.job, use, check)
         use.busy_s = time.monotonic() - begun
         return MadeFrame(develop(film, whole.job.layers, whole.box, whole.near), _seen(whole), _ended(use))
     finally:
