@@ -86,7 +86,8 @@ def test_an_engine_that_goes_away_is_one_clear_error(tmp_path: Path) -> None:
             stack.close()
             said = last_words(process)
             assert process.returncode == 3
-            assert said[-1].startswith("error: the engine's scheduler has gone")
+            (line,) = said
+            assert line.startswith("error: the engine's scheduler has gone")
 
 
 @pytest.mark.long

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import io
 import json
+import os
+import signal
 import socket
 import sys
 import types
@@ -211,6 +213,29 @@ def test_an_engine_without_workers(tmp_path: Path) -> None:
 
     with dask_cluster(0, tmp_path) as address, pytest.raises(Unreachable, match=r"no worker.*dask worker tcp://"):
         ClusterEngine(address, nothing)
+
+
+@needs_dask
+def test_a_scheduler_that_stands_still_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from scenefold.render.tasks import engine as doors
+
+    with dask_cluster(1, tmp_path) as address:
+        reached = doors.ClusterEngine(address, nothing)
+        scheduler = reached._client.run_on_scheduler(os.getpid)
+        monkeypatch.setattr(doors, "ANSWER_S", 1.0)
+        os.kill(scheduler, signal.SIGSTOP)
+        try:
+            with pytest.raises(Unreachable, match="has gone"):
+                reached._threads()
+            reached.close()
+        finally:
+            os.kill(scheduler, signal.SIGCONT)
+
+
+@needs_dask
+def test_a_file_that_goes_into_a_cluster_first_tells_of_its_import(profile: str, tmp_path: Path) -> None:
+    report = done(moving_file(tmp_path), *SKY, "--partition", "visual", "-o", tmp_path / "x.exr", profile=profile)
+    assert report["import"]["records"] > 0 and sum(report["records_per_node"].values()) > 0
 
 
 @needs_dask
