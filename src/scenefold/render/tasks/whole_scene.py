@@ -28,6 +28,8 @@ RENDERER = "embree"
 LOOK_S = 0.2
 T = TypeVar("T")
 _compiling = threading.Lock()
+_compiled = threading.Event()
+"""By this process, or for it."""
 
 
 @dataclass(slots=True)
@@ -77,7 +79,9 @@ def open_whole(source: Source, options: RenderOptions, check: Callable[[], None]
     # Of the threads of a process one has them compiled, and the others find them there.
     with _compiling:
         check()
-        trio.run(_wanted, compile_apart, check)
+        if not _compiled.is_set():
+            trio.run(_wanted, compile_apart, check)
+            _compiled.set()
     return trio.run(_wanted, partial(_open, source, options, content), check)
 
 
