@@ -144,6 +144,22 @@ def test_reading_a_scene_ends_with_its_render(monkeypatch: pytest.MonkeyPatch) -
         whole_scene.open_whole(source, OPTIONS, check)  # type: ignore[arg-type]
 
 
+async def test_what_was_made_all_the_same_is_not_lost() -> None:
+    """It holds memory that somebody has to free."""
+    ended = trio.Event()
+
+    def check() -> None:
+        ended.set()
+        raise RenderEnded("a")
+
+    async def computes() -> str:
+        with trio.CancelScope(shield=True):
+            await ended.wait()
+            return "a scene"
+
+    assert await whole_scene._wanted(computes, check) == "a scene"
+
+
 def test_one_thread_of_a_process_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
     times, ended = [0], list[str]()
     all_there = threading.Barrier(4)

@@ -21,6 +21,7 @@ from scenefold.render.job import Job, RenderOptions
 from scenefold.render.numbers import depth_of_box, job_box
 from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.pool.share import LANE, load_share, read_tables
+from scenefold.render.tasks.holding import RenderEnded
 from scenefold.render.tasks.sources import Source
 from scenefold.world import background_tasks, offline_world
 
@@ -71,7 +72,7 @@ class WholeScene:
 def open_whole(source: Source, options: RenderOptions, check: Callable[[], None], content: bytes | None = None) -> WholeScene:
     """Read and open a scene, in this thread; kernels that are not compiled yet are, by another process, before.
 
-    `check`: raises once nobody wants the scene any more; then it is not waited for, but what only computes comes to its end.
+    `check`: raises RenderEnded once nobody wants the scene any more; then it is not waited for, but what only computes comes to its end.
     `content`: the digest that the scene's document must have; None: any. DamagedData if it is another one; the errors of the source;
     LocalFault if the scene has no such camera, or the renderer no such layer.
     """
@@ -86,16 +87,24 @@ def open_whole(source: Source, options: RenderOptions, check: Callable[[], None]
 
 
 async def _wanted(wait: Callable[[], Awaitable[T]], check: Callable[[], None]) -> T:
-    """What that gives, unless `check` raises before."""
+    """What that gives, unless `check` raises RenderEnded before."""
+    made: list[T] = []
 
     async def look() -> None:
         while True:
             await trio.sleep(LOOK_S)
             check()
 
-    async with background_tasks() as nursery:
-        nursery.start_soon(look)
-        return await wait()
+    try:
+        async with background_tasks() as nursery:
+            nursery.start_soon(look)
+            made.append(await wait())
+    except (RenderEnded, BaseExceptionGroup):
+        # What computes cannot be cancelled. What it has made all the same is the caller's to close.
+        if not made:
+            check()
+            raise
+    return made[0]
 
 
 async def _open(source: Source, options: RenderOptions, content: bytes | None) -> WholeScene:
