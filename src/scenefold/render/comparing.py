@@ -115,7 +115,7 @@ def _compared(document: Mapping[str, Any], source: str) -> Compared:
 
 def _all_of(rows: Sequence[Mapping[str, Any]], name: str, kind: Callable[[object], T | None], together: Callable[[list[T]], T]) -> T | None:
     """Of all nodes; None if one does not say it."""
-    values = [kind(row[name]) if name in row else None for row in rows]
+    values = [None if row.get(name) is None else kind(row[name]) for row in rows]
     known = [value for value in values if value is not None]
     return together(known) if known and len(known) == len(values) else None
 

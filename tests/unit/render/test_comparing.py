@@ -77,7 +77,7 @@ def test_a_figure_of_another_kind_is_one_clear_error_or_none(key: str, odd: obje
         json.dumps(compared(SPATIAL | {key: odd}, "a.json").document(), allow_nan=False)
 
 
-@pytest.mark.parametrize("document", [None, [], "x", 5, {}, {"error": {"kind": "usage"}}, {"renders": []}])
+@pytest.mark.parametrize("document", [None, [], "x", 5, {}, {"error": {"kind": "usage"}}, {"renders": []}, SPATIAL | {"render_nodes": "x"}])
 def test_what_is_no_report(document: object) -> None:
     with pytest.raises(LocalFault, match="no report of a render"):
         compared(document, "x.json")
