@@ -87,7 +87,9 @@ def _compared(document: Mapping[str, Any], source: str) -> Compared:
         rays_passed = _count(document["rays_passed"]) / traced
     tail = document.get("tail")
     early, late = (None, None) if tail is None else (_seconds(tail["seconds_to_95"]), _seconds(tail["seconds_to_100"]))
-    processor = _seconds(document["processor_seconds"]["render"]) if alone else _all_of(rows, "processor_seconds", _used_s, sum)
+    processor: float | None = (
+        _seconds(document["processor_seconds"]["render"]) if alone else _all_of(rows, "processor_seconds", _used_s, _sum_s)
+    )
     return Compared(
         report=source,
         partition="out-of-core" if alone else text(document.get("partition", "spatial")),
@@ -136,6 +138,10 @@ def _used(value: object) -> int | None:
 
 def _used_s(value: object) -> float | None:
     return _seconds(value) or None
+
+
+def _sum_s(values: list[float]) -> float:
+    return sum(values)
 
 
 def _seconds(value: object) -> float:

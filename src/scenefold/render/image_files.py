@@ -86,7 +86,7 @@ def check_writable(path: Path) -> None:
         raise LocalFault(f"cannot write there: {error.strerror}", where=str(folder), remedy="choose another output folder") from error
 
 
-def write_atomically(path: Path, write: Callable[[Path], None], what: str = "the image") -> None:
+def write_atomically(path: Path, write: Callable[[Path], object], what: str = "the image") -> None:
     """Have `write` write a file beside it, and put that in its place; LocalFault, with what was there as it was, if one of both fails."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
