@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from itertools import groupby
 from typing import Any
 
 import pytest
@@ -58,6 +59,11 @@ def alone(room: Records) -> Callable[[RenderOptions], str]:
     return hash_of
 
 
+def nodes_of_rounds(state: dict[str, Any]) -> list[int]:
+    """How many took part, each time that it changed. Of rounds that moves end there may be any number."""
+    return [count for count, _ in groupby(count for _, _, count in state["rounds"])]
+
+
 def others(pool: MemoryPool) -> list[NodeId]:
     """All nodes but the one that organises the job."""
     return [node for node in pool.nodes if node != organiser_of(JOB, pool.nodes)]
@@ -93,6 +99,8 @@ async def test_the_image_is_the_same(room: Records, alone: Callable[[RenderOptio
     assert (state["attempts"], state["lost"]) == (2, [address_of(victim)])
     assert state["closed"] == state["passes"] == options.plan.count
     assert state["passes_again"] <= PER_NODE * nodes
+    assert nodes_of_rounds(state) == [nodes, nodes - 1]
+    assert sum(visits for visits, _, _ in state["rounds"]) == sum(node["casts"] for node in state["nodes"])
     assert sha256_of(image) == await trio.to_thread.run_sync(alone, options)
 
 
@@ -167,6 +175,8 @@ async def test_a_node_that_comes_back_takes_part_again(
         (told,) = [node for node in state["nodes"] if node["address"] == address_of(victim)]
     assert state["back"] == state["lost"] == [address_of(victim)] and state["attempts"] == 3
     assert told["casts"] > 0 and told["attempt"] == 2
+    assert nodes_of_rounds(state) == [4, 3, 4]
+    assert sum(visits for visits, _, _ in state["rounds"]) > sum(node["casts"] for node in state["nodes"])
     assert sha256_of(image) == await trio.to_thread.run_sync(alone, options)
 
 

@@ -26,7 +26,15 @@ def test_a_node_that_is_back_counts_from_nothing() -> None:
     course.round_ended({A: {"casts": 100}, B: {}})
     course.round_ended({A: {"casts": 30}, B: {"casts": 7}})
     course.round_ended({A: {"casts": 50}, B: {"casts": "many"}})
-    assert course.document(is_done=True)["rounds"] == [[100, 100, 2], [7, 7, 2], [20, 20, 2]]
+    assert course.document(is_done=True)["rounds"] == [[100, 100, 2], [37, 30, 2], [20, 20, 2]]
+
+
+def test_a_node_that_is_lost_is_no_idle_one_of_later_rounds_and_all_that_it_does_once_it_is_back_counts() -> None:
+    course = Course(passes=4)
+    course.round_ended({A: {"casts": 100}, B: {"casts": 100}})
+    course.round_ended({A: {"casts": 150}})
+    course.round_ended({A: {"casts": 300}, B: {"casts": 140}})
+    assert course.document(is_done=True)["rounds"] == [[200, 100, 2], [50, 50, 1], [290, 150, 2]]
 
 
 def test_a_round_in_which_nothing_happened_is_none_and_few_are_told() -> None:
@@ -58,13 +66,19 @@ def test_a_render_that_ends_early_has_a_tail_of_its_own() -> None:
     assert Course(passes=7).tail == []
 
 
-def test_passes_that_were_kept_are_no_part_of_the_tail() -> None:
-    course = Course(passes=1000, before=900)
-    course.closed(900, 10.0)
-    for number in range(1, 96):
-        course.closed(900 + number, 10.0 + number)
-    course.closed(1000, 150.0)
+def test_the_tail_of_a_resumed_render_is_of_what_it_traced_itself() -> None:
+    course = Course(passes=300, before=200)
+    course.closed(200, 10.0)
+    for number in range(201, 296):
+        course.closed(number, 10.0 + number - 200)
+    course.closed(300, 150.0)
     assert course.tail == [95.0, 140.0]
+
+
+def test_a_render_that_was_traced_before_has_no_tail() -> None:
+    course = Course(passes=200, before=200)
+    course.closed(200, 10.0)
+    assert course.tail == []
 
 
 @given(some.integers(1, 500), some.lists(some.tuples(some.integers(0, 500), some.floats(0.0, 100.0)), max_size=20))

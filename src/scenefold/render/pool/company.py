@@ -68,6 +68,10 @@ class Company:
         """Those that take part."""
         return self.roster.nodes
 
+    def states_of(self, nodes: Collection[NodeId]) -> dict[NodeId, dict[str, Value]]:
+        """The newest of each of these; nothing of one that has told none."""
+        return {node: self.states.get(node, {}) for node in nodes}
+
     async def tell(self, document: dict[str, Value], timeout_s: float = ASK_S_MAX) -> None:
         """An event of the job that every node must take; the first refusal is ours. NodesLost."""
         await self.ask(JobEvent(job=self._job.id, document=pack_value(document)), timeout_s)

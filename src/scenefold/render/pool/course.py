@@ -15,7 +15,7 @@ STEPS = 100
 """Of all passes that are to be traced, whose times are kept."""
 TAIL = 0.95
 States = Mapping[NodeId, Mapping[str, Value]]
-"""What each node of the job told last."""
+"""What each node that took part told last."""
 
 
 @dataclass(slots=True)
@@ -25,11 +25,12 @@ class Course:
     passes: int
     """Of all of its levels together."""
     before: int = 0
-    """Those of them that were closed when it began, in a kept render."""
+    """Of these, that another job has traced."""
     moves: int = 0
     _rounds: list[list[int]] = field(default_factory=list)
-    """Each: visits of cells by all nodes, by the busiest one, and how many nodes there were."""
-    _before: dict[NodeId, int] = field(default_factory=dict)
+    """Each: visits of cells by all nodes, by the busiest one, and how many took part."""
+    _counts: dict[NodeId, int] = field(default_factory=dict)
+    """When the last round ended, of those that took part in it."""
     _begun_at: float | None = None
     _closed_after: list[float] = field(default_factory=list)
     """By step: seconds from the beginning until so many were closed first."""
@@ -40,20 +41,23 @@ class Course:
         self.round_ended(states)
 
     def round_ended(self, states: States) -> None:
-        """Cells have moved, or the last pass was closed."""
-        casts = {node: _count(state.get("casts")) for node, state in states.items()}
-        # One that was lost and is back counts from nothing.
-        done = {node: max(count - self._before.get(node, 0), 0) for node, count in casts.items()}
-        self._before.update(casts)
+        """Cells have moved, another attempt begins, or the last pass was closed. `states`: of those that took part since the last one, and no others."""
+        counts = {node: whole_of(state.get("casts")) for node, state in states.items()}
+        done = {node: _since(self._counts.get(node, 0), count) for node, count in counts.items()}
+        self._counts = counts
         if any(done.values()) and len(self._rounds) < ROUNDS_MAX:
             self._rounds.append([sum(done.values()), max(done.values()), len(done)])
 
     def closed(self, passes: int, now: float) -> None:
         """So many are closed at this time; the first time that anybody asks is the beginning. After a loss it may be fewer than there were."""
         self._begun_at = now if self._begun_at is None else self._begun_at
-        traced, all_of_them = passes - self.before, self.passes - self.before
-        while len(self._closed_after) < STEPS and traced >= math.ceil(all_of_them * (len(self._closed_after) + 1) / STEPS):
+        to_trace = self.passes - self.before
+        while to_trace > 0 and len(self._closed_after) < STEPS and passes >= self.before + self._in_steps(to_trace):
             self._closed_after.append(now - self._begun_at)
+
+    def _in_steps(self, to_trace: int) -> int:
+        """Passes that are closed with the next step."""
+        return math.ceil(to_trace * (len(self._closed_after) + 1) / STEPS)
 
     @property
     def tail(self) -> list[float]:
@@ -67,5 +71,11 @@ class Course:
         return {"moved": self.moves, "rounds": rounds, "tail": list(self.tail) if is_done else []}
 
 
-def _count(value: Value | None) -> int:
+def whole_of(value: Value | None) -> int:
+    """What a node counts, as it tells it; 0 if it tells nothing of the kind."""
     return value if isinstance(value, int) else 0
+
+
+def _since(before: int, count: int) -> int:
+    """A node that was lost and is back counts from nothing."""
+    return count - before if count >= before else count

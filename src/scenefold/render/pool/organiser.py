@@ -31,7 +31,7 @@ from scenefold.render.numbers import depth_of_box, job_box
 from scenefold.render.pool.attempts import Attempts, or_changed
 from scenefold.render.pool.comebacks import Comebacks
 from scenefold.render.pool.company import ASK_S_MAX, Company, NodesBack, NodesLost
-from scenefold.render.pool.course import Course
+from scenefold.render.pool.course import Course, whole_of
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
@@ -94,6 +94,7 @@ class Organiser:
         self._failure: Refused | None = None
         self._company: Company | None = None
         self._attempts: Attempts | None = None
+        self._course = Course(request.options.plan.count, 0 if request.keep is None else request.keep.passes)
         self._released_at = 0.0
         self._level, self._goes_on = 0, EVERY_ROW
         """What is traced."""
@@ -104,8 +105,7 @@ class Organiser:
         self._algorithm, self._camera = request.options.algorithm, request.options.camera
         self._comebacks: Comebacks | None = None
         self._digest = bytes(DIGEST_BYTES)
-        self._before = 0 if request.keep is None else request.keep.passes
-        self._course = Course(request.options.plan.count, before=self._before)
+        self._before = self._course.before
         self._paths_before = 0
         size = film_size(request.options.plan, request.options.columns, request.options.window.pixels, self._before) if self._before else 0
         self._coming = ComingFilm(size)
@@ -258,13 +258,15 @@ class Organiser:
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self._comebacks.run)
             while (change := await or_changed(partial(self._attempt, job, boxes))) is not None:
+                tracing = company.nodes
                 with _Timed(self, "recover"):
                     await attempts.begin_again(change)
+                self._course.round_ended(company.states_of(tracing))
                 if isinstance(change, NodesBack):
                     self._comebacks.joined(change.nodes)
             nursery.cancel_scope.cancel()
         self._phase, self._kept = "merging", (0, b"")
-        self._course.round_ended(company.states)
+        self._course.round_ended(company.states_of(company.nodes))
         with _Timed(self, "merge"):
             film = self._film(job)
             self._traced = int(film.rows.samples.sum(dtype=np.int64))
@@ -383,11 +385,11 @@ class Organiser:
         return Mover(moves, world.clock, world.workers, self._told, self._tell, self._left_s, self._noted_move, self._pace)
 
     def _noted_move(self, partition: Partition, *, is_claimed: bool) -> None:
-        assert self._attempts is not None
+        assert self._attempts is not None and self._company is not None
         self._attempts.newest_epoch = max(self._attempts.newest_epoch, partition.epoch)
         if is_claimed:
             self._attempts.partition = partition
-            self._course.cells_moved({} if self._company is None else self._company.states)
+            self._course.cells_moved(self._company.states_of(self._company.nodes))
 
     def _is_comeback_worth(self) -> bool:
         """Whether those that are missing would save more time, of what is left, than it takes that they join."""
@@ -413,7 +415,7 @@ class Organiser:
             return []
         states = [company.states.get(node, {}) for node in company.nodes]
         return [
-            Told(_whole(state.get("casts")), _seconds(state.get("busy_seconds")), company.hits[node])
+            Told(whole_of(state.get("casts")), _seconds(state.get("busy_seconds")), company.hits[node])
             for node, state in zip(company.nodes, states, strict=True)
         ]
 
@@ -489,10 +491,6 @@ def _boxes_of(tables: SceneTables) -> F64:
 
 def _image(film: Film, job: Job, box: Box) -> bytes:
     return packed(develop(film, job.layers, box, depth_of_box(job.camera, box)))
-
-
-def _whole(value: Value | None) -> int:
-    return value if isinstance(value, int) else 0
 
 
 def _seconds(value: Value | None) -> float:
