@@ -154,6 +154,8 @@ async def test_a_file_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(BaseExceptionGroup) as group:
         await render_temporal([SceneFile(tmp_path / "no.glb")], SMALL, HERE, quiet, quiet)
     (fault,) = group.value.exceptions
+    while isinstance(fault, BaseExceptionGroup):
+        (fault,) = fault.exceptions
     assert isinstance(fault, LocalFault) and "no.glb" in fault.where
 
 
