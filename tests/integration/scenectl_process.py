@@ -121,3 +121,14 @@ def running(*arguments: str | Path, profile: Path | str | None = None, **more: s
                 except subprocess.TimeoutExpired:
                     process.kill()
                     raise
+
+
+def await_progress(process: subprocess.Popen[str]) -> None:
+    """Return once a render has done a part of its work, and goes on."""
+    assert process.stderr is not None
+    lines = []
+    for line in process.stderr:
+        lines.append(line)
+        if line.startswith("render: ") and not line.startswith("render: 0 of"):
+            break
+    assert process.poll() is None, lines

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from integration.dask_cluster import NEEDS, dask_cluster
-from integration.scenectl_process import command, environment, scenectl
+from integration.scenectl_process import await_progress, command, environment, scenectl
 
 END_S = 60.0
 ROOM = "v 0 0 0\nv 4 0 0\nv 4 0 4\nv 0 0 4\nv 0 3 0\nv 4 3 0\nf 1 2 3 4\nf 1 2 6 5\n"
@@ -35,13 +35,7 @@ def rendering(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     words = command("render", "still", folder / "room.obj", *SKY, "--samples", "1000000", "-o", folder / "o.exr", *arguments)
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(None), text=True) as process:
         try:
-            assert process.stderr is not None
-            lines = []
-            for line in process.stderr:
-                lines.append(line)
-                if line.startswith("render: ") and not line.startswith("render: 0 of"):
-                    break
-            assert process.poll() is None, lines
+            await_progress(process)
             yield process
         finally:
             process.kill()

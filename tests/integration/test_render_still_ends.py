@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from integration.scenectl_process import await_ends, children, command, environment, running, scenectl
+from integration.scenectl_process import await_ends, await_progress, children, command, environment, running, scenectl
 from loopback import addresses, ports_option
 
 KERNELS_S = 240.0
@@ -55,13 +55,7 @@ def rendering(folder: Path, *arguments: str | Path, profile: str | None = None) 
     env = environment(profile, TMPDIR=str(folder / "tmp"))
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=env, text=True) as process:
         try:
-            assert process.stderr is not None
-            lines = []
-            for line in process.stderr:
-                lines.append(line)
-                if line.startswith("render: ") and not line.startswith("render: 0 of"):
-                    break
-            assert process.poll() is None, lines
+            await_progress(process)
             yield Rendering(process, children(process.pid))
         finally:
             process.kill()
