@@ -74,6 +74,8 @@ UNEVEN = (Kind.LOSS, Kind.SLOW_NODE, Kind.RESET)
 """Packets of renders take long, and not all as long."""
 JOLTS = (Kind.RESET, Kind.CLOCK_OFFSET)
 """Renders go on nearly undisturbed."""
+DEATHS = (Kind.KILL_IN_RENDER, Kind.RESET, Kind.SLOW_NODE)
+"""Nodes die in the midst of renders, which begin attempts while packets are under way."""
 
 PROVOKED = {
     "acknowledged at one copy": Provocation(laws.COPIED, BUSY, copies=True),
@@ -84,6 +86,7 @@ PROVOKED = {
     "decided header": Provocation(laws.VERIFIED, LIES, first=5),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
     "durable before release": Provocation(laws.CARRIED, MOVES, first=4),
+    "films handed on once": Provocation(laws.EXACT, DEATHS, 20.0, workload="renders"),
     "indirect probe": Provocation(laws.REMOVED_RIGHTLY, CUTS, 45.0, first=4),
     "lent lease ignored at the vote": Provocation(laws.MODES_APART, ABSENT_MINDED, workload="logs", first=7),
     "last copy": Provocation(laws.CARRIED, MOVES, 45.0),
@@ -93,12 +96,15 @@ PROVOKED = {
     "others' claims": Provocation(laws.ONE_OWNER, LYING_MOVES, 45.0),
     "own status only": Provocation(laws.VERIFIED, LIES),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0, first=1),
+    "packets count once": Provocation(laws.ENDED, JOLTS, 20.0, workload="renders"),
+    "packets of this attempt": Provocation(laws.ENDED, DEATHS, 20.0, workload="renders"),
     "purge asks only holders": Provocation(laws.LINEARIZABLE, ABSENCES, 45.0, copies=True, workload="purges", first=2),
     "rays by epoch": Provocation(laws.SOUND, JOLTS, 20.0, workload="renders"),
     "reader's memory": Provocation(laws.SOUND, LIES, first=1),
     "reader's signature check": Provocation(laws.SOUND, LIES, first=1),
     "record of this place": Provocation(laws.SOUND, LIES, first=1),
     "recovery hears one node": Provocation(laws.READABLE, HEIRS, 45.0, copies=True, first=2),
+    "renders let go": Provocation(laws.LET_GO, JOLTS, 20.0, workload="renders"),
     "repair trusts the first answer": Provocation(laws.KEPT, AWAY, 45.0, copies=True),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "second reading": Provocation(laws.EXACT, UNEVEN, 20.0, workload="renders"),

@@ -14,7 +14,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenefold.simulation.log_mutants import deaf_to_borrowers, forgetful_memory, half, half_of_participants, stale_roster, unfenced
-from scenefold.simulation.render_mutants import first_reading_is_enough, wherever_they_come, without_a_node
+from scenefold.simulation.render_mutants import (
+    first_reading_is_enough,
+    held_for_ever,
+    however_often_it_comes,
+    kept_beside,
+    of_any_attempt,
+    wherever_they_come,
+    without_a_node,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,6 +263,10 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "sums of all nodes": (Patch("scenefold.render.pool.member", "Member._close", without_a_node),),
     "rays by epoch": (Patch("scenefold.render.pool.member", "Member.on_rays", wherever_they_come),),
     "credit of links": (Patch("scenefold.render.pool.links.sender", "Sender.may_send", _always(True)),),
+    "packets count once": (Patch("scenefold.render.pool.links.link", "Link.counts", however_often_it_comes),),
+    "packets of this attempt": (Patch("scenefold.render.pool.part", "Part._in_attempt", of_any_attempt),),
+    "films handed on once": (Patch("scenefold.render.pool.films", "Films.forget_gathered", kept_beside),),
+    "renders let go": (Patch("scenefold.render.watch", "Watch.let_go", held_for_ever),),
 }
 
 

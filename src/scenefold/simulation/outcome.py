@@ -35,6 +35,7 @@ class Renders(NamedTuple):
 
     `begun_anew`: by their clients, after another job of the same image failed. `attempts_raised`, `nodes_lost`, `nodes_back`, `passes_again` (that were
     traced again), `cells_moved`, `packets_resent` and `late` (packets of an older attempt): within jobs that came to their image.
+    `adaptive`, `unattended`: images whose noisy pixels went on for longer, and that came about while their client was away.
     """
 
     renders: int
@@ -49,6 +50,8 @@ class Renders(NamedTuple):
     cells_moved: int
     packets_resent: int
     late: int
+    adaptive: int
+    unattended: int
 
 
 class Proposals(NamedTuple):

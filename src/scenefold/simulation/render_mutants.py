@@ -37,3 +37,43 @@ def wherever_they_come(original: Any) -> Any:
         original(self, node, replace(packet, partition_epoch=self.cell.partition.epoch))
 
     return on_rays
+
+
+def however_often_it_comes(original: Any) -> Any:
+    """What comes on a link counts, also if it came before."""
+
+    def counts(self: Any, number: int, size: int) -> bool:
+        original(self, number, size)
+        return True
+
+    return counts
+
+
+def of_any_attempt(_original: Any) -> Any:
+    """A packet of another attempt is taken as one of this."""
+
+    def in_attempt(self: Any, node: Any, _attempt: int) -> Any:
+        return self.member(), self.place_of(node)
+
+    return in_attempt
+
+
+def kept_beside(_original: Any) -> Any:
+    """A node keeps its film when all of that is the organiser's, and hands it on once more the next time."""
+
+    def forget_gathered(self: Any, gathering: int) -> None:
+        if gathering > self._gathered:
+            self._gathered, self._coming = gathering, None
+
+    return forget_gathered
+
+
+def held_for_ever(_original: Any) -> Any:
+    """A client does not say that it wants an image no more."""
+
+    async def let_go(_self: Any) -> None:
+        import trio
+
+        await trio.lowlevel.checkpoint()
+
+    return let_go

@@ -7,6 +7,8 @@ from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import trio
+
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.node.rendering import RenderExtension
 from scenefold.render.pool.host import Host
@@ -29,7 +31,8 @@ class RenderNodes:
 
     def __init__(self, cluster: Cluster) -> None:
         self._cluster = cluster
-        self._services: dict[int, RenderService] = {}
+        self._services: dict[int, tuple[trio.CancelScope | None, RenderService]] = {}
+        """By slot, and with the scope of the life in which their node was asked."""
         self._traps: list[RenderTrap] = []
         self.extension = RenderExtension(self._service)
         cluster.set_render_trap = self._traps.append
@@ -37,11 +40,13 @@ class RenderNodes:
     @property
     def services(self) -> dict[int, RenderService]:
         """Those of nodes that run, and were asked for a render in this life."""
-        return {slot: service for slot, service in sorted(self._services.items()) if slot in self._cluster.running}
+        alive = {slot: node.scope for slot, node in self._cluster.running.items()}
+        return {slot: service for slot, (life, service) in sorted(self._services.items()) if slot in alive and alive[slot] is life}
 
     def _service(self, host: Host) -> RenderService:
         slot = self._cluster.slot_of(host.node_id)
-        service = self._services[slot] = RenderService(_Heard(host, lambda: self._sprung(slot)), ArithmeticRenderer())
+        service = RenderService(_Heard(host, lambda: self._sprung(slot)), ArithmeticRenderer())
+        self._services[slot] = self._cluster.nodes[slot].scope, service
         return service
 
     def _sprung(self, slot: int) -> RenderTrap | None:

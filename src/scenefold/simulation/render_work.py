@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import trio
@@ -25,12 +26,17 @@ from scenefold.render.choice import Renderers
 from scenefold.render.client import begun_until_it_is
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import unpacked
-from scenefold.render.one_image import Choice, OneImage
+from scenefold.render.levels import Adaptive
+from scenefold.render.one_image import OneImage
+from scenefold.render.pool.unattended import Unattended
 from scenefold.render.rehearsal.arithmetic_image import image_of
+from scenefold.render.reports import image_size, report_of
 from scenefold.render.watch import Watch
 from scenefold.render.window import Window
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client
+from scenefold.wire import CancelJob, Packet
+from scenefold.world import Links, Priority
 from scenefold.world.facts import ClusterFacts
 
 T = TypeVar("T")
@@ -38,9 +44,14 @@ PAUSE_S = 4.0
 """Between the renders of one client, on average half of it."""
 SIDES, SAMPLES = (6, 28), (4, 28)
 ALGORITHMS = ("bounded-radial", "kd", "power", "planar", "swarming", "voronoi")
-CROPS, MOVES, INTERRUPTED = 0.2, 0.8, 0.15
-"""Shares of renders that make a part of the image, whose cells may move, and that their client ends before they are done."""
+CROPS, MOVES, ADAPTIVE, UNATTENDED, INTERRUPTED = 0.2, 0.8, 0.25, 0.2, 0.15
+"""Shares of renders that make a part of the image, whose cells may move, of which noisy pixels go on for longer than others, whose client goes away
+meanwhile, and that their client ends before they are done."""
 INTERRUPTED_S = (0.2, 6.0)
+NOISES, FIRST_LEVELS = (0.1, 0.15, 0.2), (4, 8)
+"""Errors of pixels that go on no more: a few samples are enough for some, and as many as there are for few."""
+AWAY_S_MAX, COMES_BACK_S, PATIENT_S = 12.0, 3.0, 60.0
+"""Who leaves a render alone is away for so long at most; then asks again after so long whenever it cannot be reached, for so long in all."""
 ENDS_S_MAX = 200.0
 """So long after all has healed nobody waits for an image any more: an organiser that lost its client may keep its place, but no client hangs."""
 PASSES = frozenset({RejectReason.NOT_READY, RejectReason.BUSY})
@@ -63,6 +74,7 @@ class Gallery:
     def judge(self, options: RenderOptions, image: bytes, report: dict[str, Any], name: str) -> None:
         """An image was fetched."""
         self.counts["images"] += 1
+        self.counts["adaptive"] += options.adaptive is not None
         self.counts["attempts raised"] += report["attempts"] - 1
         self.counts["nodes lost"] += len(report["nodes_lost"])
         self.counts["nodes back"] += len(report["nodes_back"])
@@ -81,9 +93,10 @@ class RenderClient:
     def __init__(self, client: Client, facts: ClusterFacts, seed: int, gallery: Gallery) -> None:
         assert client.scene is not None
         self.name, self._scene, self._gallery = client.name, client.scene, gallery
+        self._ends = _Ends(client.calls._links)
+        client.calls._links = cast(Links, self._ends)
         self._reach = _Reach(client.calls, facts)
         self._dice = random.Random(f"renders/{seed}/{client.name}")
-        self._asked: list[tuple[str, int]] = []
         self._ended = trio.Event()
         self._wants = ""
 
@@ -102,19 +115,19 @@ class RenderClient:
         while not stop.is_set():
             await trio.sleep(self._dice.random() * PAUSE_S)
             patience = self._dice.uniform(*INTERRUPTED_S) if self._dice.random() < INTERRUPTED else None
-            await self.want(self._options(), patience)
+            await self.want(self._options(), patience, attended=self._dice.random() >= UNATTENDED)
         self._ended.set()
 
-    async def want(self, options: RenderOptions, patience_s: float | None = None) -> None:
-        """One image, and whether it is right."""
+    async def want(self, options: RenderOptions, patience_s: float | None = None, *, attended: bool = True) -> None:
+        """One image, and whether it is right. Attended: its client waits for it."""
         counts = self._gallery.counts
         self._wants = f"{options.width} x {options.height}, {options.samples} samples, seed {options.seed}, {options.algorithm}"
-        self._gallery.tell(f"{self.name} wants {self._wants}")
-        wish = _Wish(self._reach, self._scene, options, self._asked)
+        self._gallery.tell(f"{self.name} wants {self._wants}, {'and waits' if attended else 'some time'}")
+        wish = _Wish(self._reach, self._scene, options)
         counts["renders"] += 1
         with trio.move_on_after(float("inf") if patience_s is None else patience_s) as scope:
             try:
-                (image, report), _, begun = await begun_until_it_is(wish, self._scene, wish.render, _unseen, None, self._begun_anew)
+                image, report, begun = await (self._wait_for(wish) if attended else self._leave_alone(wish, options))
             except (Unreachable, Refused) as error:
                 self._failed(error)
                 return
@@ -123,9 +136,41 @@ class RenderClient:
             self._gallery.judge(options, image, report, f"{self.name}'s image of {self._wants}")
         counts["interrupted"] += scope.cancelled_caught
 
+    async def _wait_for(self, wish: _Wish) -> tuple[bytes, dict[str, Any], int]:
+        """The image, its report, and how often it was begun."""
+        (image, report), _, begun = await begun_until_it_is(wish, self._scene, wish.render, _unseen, None, self._begun_anew)
+        return image, report, begun
+
+    async def _leave_alone(self, wish: _Wish, options: RenderOptions) -> tuple[bytes, dict[str, Any], int]:
+        """The same of a render that goes on without us; Unreachable or Refused if there is none when we are back."""
+        begin = partial(wish.begin, unattended=Unattended(self._scene.name))
+        taken, _, begun = await begun_until_it_is(wish, self._scene, begin, _unseen, None, self._begun_anew)
+        organiser = address_of(taken.organiser)
+        watch = Watch(cast(ClientCluster, self._reach), organiser, taken.job)
+        try:
+            await trio.sleep(self._dice.random() * AWAY_S_MAX)
+            stand = await self._patiently(lambda: watch.until_done(_unseen))
+            report = report_of(stand.document, options, None, organiser)
+            image = await self._patiently(lambda: watch.fetch(image_size(options), _unseen_parts))
+        finally:
+            await watch.let_go()
+        self._gallery.counts["unattended"] += 1
+        return image, report, begun
+
+    async def _patiently(self, ask: Callable[[], Awaitable[T]]) -> T:
+        """A render goes on while its organiser cannot be reached."""
+        until = trio.current_time() + PATIENT_S
+        while True:
+            try:
+                return await ask()
+            except Unreachable:
+                if trio.current_time() >= until:
+                    raise
+            await trio.sleep(COMES_BACK_S)
+
     async def let_go(self) -> None:
-        """Everything has healed: end what could not be told then that it is not wanted any more, as its user would."""
-        for address, job in self._asked:
+        """Everything has healed: end again what nobody answered for when it was to end, as its user would; and nothing else."""
+        for address, job in sorted(self._ends.unheard):
             await Watch(cast(ClientCluster, self._reach), address, job).let_go()
 
     @staticmethod
@@ -149,6 +194,7 @@ class RenderClient:
             algorithm=dice.choice(ALGORITHMS),
             moving=dice.random() < MOVES,
             crop=crop,
+            adaptive=Adaptive(dice.choice(NOISES), dice.choice(FIRST_LEVELS)) if dice.random() < ADAPTIVE else None,
         )
 
     def _failed(self, error: ScenefoldError) -> None:
@@ -162,20 +208,37 @@ class RenderClient:
 
 
 class _Wish(OneImage):
-    """`asked`: gets who was asked to organise it, and as which job."""
+    """Who may render it, its client knows."""
 
-    def __init__(self, reach: _Reach, scene: Scene, wanted: RenderOptions, asked: list[tuple[str, int]]) -> None:
+    def __init__(self, reach: _Reach, scene: Scene, wanted: RenderOptions) -> None:
         super().__init__(cast(ClientCluster, reach), scene, wanted, None, _unseen)
-        self._reach, self._noted = reach, asked
+        self._reach = reach
 
     async def may_render(self) -> Renderers:
         credentials = filter(None, (self._reach.profile.credential(node) for node in self._reach.profile.founders))
         return Renderers({one.node_id: one.sealing_key for one in credentials})
 
-    def _choice(self, *given: Any) -> Choice:
-        choice = super()._choice(*given)
-        self._noted.append((address_of(choice.organiser), choice.job))
-        return choice
+
+class _Ends:
+    """A client's links, which see what ends of its renders. Has what `Calls` uses of `Links`."""
+
+    def __init__(self, links: Links) -> None:
+        self._links = links
+        self.unheard: set[tuple[str, int]] = set()
+        """Renders that were to end, and whether they have nobody said: who organises them, and the job."""
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> Packet:
+        if not isinstance(packet, CancelJob):
+            return await self._links.request(address, priority, packet, timeout_s)
+        ended = address, packet.job
+        self.unheard.add(ended)
+        try:
+            answer = await self._links.request(address, priority, packet, timeout_s)
+        except Refused:
+            self.unheard.discard(ended)
+            raise
+        self.unheard.discard(ended)
+        return answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,3 +262,7 @@ def _difference(options: RenderOptions, image: bytes, expected: bytes) -> str:
 
 def _unseen(_phase: str, _done: int, _total: int) -> None:
     """Nobody looks on."""
+
+
+def _unseen_parts(_done: int, _total: int) -> None:
+    """Nor when it is fetched."""

@@ -10,7 +10,8 @@ from scenefold.render.arrays import U32
 from scenefold.render.contract import MovableScene, RoutingTracer
 from scenefold.render.job import RenderOptions
 from scenefold.render.kit.rig import Flight, Rendered, Rig
-from scenefold.render.layers import packed
+from scenefold.render.layers import packed, unpacked
+from scenefold.render.levels import Adaptive
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.rehearsal.arithmetic import PATH, STEP, ArithmeticRenderer
 from scenefold.render.rehearsal.arithmetic_image import image_of
@@ -41,6 +42,21 @@ def test_any_number_of_nodes_makes_the_image_in_closed_form(rig: Rig, nodes: int
     rendered = rig.render(algorithm, nodes, **ASKED, crop=crop)
     assert bytes_of(rendered) == image_of(RenderOptions(**ASKED, algorithm=algorithm, crop=crop))  # type: ignore[arg-type]
     assert nodes == 1 or (rendered.passed and max(rendered.held) < 16)
+
+
+def test_noisy_pixels_go_on_for_longer() -> None:
+    """Each has the samples of one of the levels, and the light of just these."""
+    asked = {**ASKED, "samples": 24}
+    plain = {count: image_of(RenderOptions(**{**asked, "samples": count})) for count in (4, 8, 16, 24)}  # type: ignore[arg-type]
+    ends = {noise: image_of(RenderOptions(**asked, adaptive=Adaptive(noise, 4))) for noise in (1e-6, 0.15, 1.0)}  # type: ignore[arg-type]
+    assert ends[1e-6] == plain[24] and ends[1.0] == plain[4]
+    shape = ASKED["layers"], ASKED["width"], ASKED["height"]
+    some, of_counts = unpacked(ends[0.15], *shape), {count: unpacked(image, *shape) for count, image in plain.items()}  # type: ignore[arg-type]
+    assert len(np.unique(some["samples"])) > 1
+    for name in ("beauty", "albedo"):
+        for count in np.unique(some["samples"]):
+            mine = some["samples"] == count
+            assert (some[name][mine] == of_counts[int(count)][name][mine]).all()
 
 
 def test_another_seed_is_another_image() -> None:

@@ -22,7 +22,8 @@ WAVEFRONT_VARIANT = "llvm_ad_rgb"
 SCALAR_VARIANT = "scalar_rgb"
 _PATH_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _LIBRARIES = Path("/usr/lib/x86_64-linux-gnu")
-_LLVM_LEAST = 15
+LLVM_LEAST = 17
+"""Older ones end the process ("Cannot select") over what Dr.Jit asks of processors with AVX-512: the lesser of two numbers, or NaN."""
 _lock = threading.Lock()
 
 
@@ -46,11 +47,11 @@ def is_installed() -> bool:
 
 @cache
 def llvm_library() -> str:
-    """The path or name of an LLVM that Dr.Jit can load, the newest first; empty if there is none."""
+    """The path or name of an LLVM that serves Dr.Jit, the newest first; empty if there is none."""
     named = os.environ.get(_PATH_VARIABLE, "")
-    installed = [path for path in _LIBRARIES.glob("libLLVM*.so*") if _version_of(path) >= _LLVM_LEAST]
+    installed = [path for path in _LIBRARIES.glob("libLLVM*.so*") if _version_of(path) >= LLVM_LEAST]
     candidates = [named, *(str(path) for path in sorted(installed, key=_version_of, reverse=True)), ctypes.util.find_library("LLVM") or ""]
-    return next((candidate for candidate in candidates if candidate and _loads(candidate)), "")
+    return next((candidate for candidate in candidates if candidate and _serves(candidate)), "")
 
 
 def _version_of(path: Path) -> int:
@@ -59,12 +60,15 @@ def _version_of(path: Path) -> int:
     return int(digits[0]) if digits else 0
 
 
-def _loads(library: str) -> bool:
+def _serves(library: str) -> bool:
+    """Whether it can be loaded, and says itself that it is new enough, whatever its name; those before 16 cannot say it."""
     try:
-        ctypes.CDLL(library)
-    except OSError:
+        tell = ctypes.CDLL(library).LLVMGetVersion
+    except (OSError, AttributeError):
         return False
-    return True
+    major, minor, patch = ctypes.c_uint(), ctypes.c_uint(), ctypes.c_uint()
+    tell(ctypes.byref(major), ctypes.byref(minor), ctypes.byref(patch))
+    return major.value >= LLVM_LEAST
 
 
 def load() -> Mitsuba:
