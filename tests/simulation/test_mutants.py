@@ -86,7 +86,7 @@ PROVOKED = {
     "decided header": Provocation(laws.VERIFIED, LIES, first=5),
     "durable before ack": Provocation(laws.DURABLE, BUSY),
     "durable before release": Provocation(laws.CARRIED, MOVES, first=4),
-    "films handed on once": Provocation(laws.EXACT, DEATHS, 20.0, workload="renders"),
+    "films handed on once": Provocation(laws.SOUND, DEATHS, 20.0, workload="renders"),
     "indirect probe": Provocation(laws.REMOVED_RIGHTLY, CUTS, 45.0, first=4),
     "lent lease ignored at the vote": Provocation(laws.MODES_APART, ABSENT_MINDED, workload="logs", first=7),
     "last copy": Provocation(laws.CARRIED, MOVES, 45.0),

@@ -21,7 +21,7 @@ from scenefold.simulation.render_work import Gallery, RenderClient
 LOOK_S = 0.25
 """Between two looks at what nodes hold."""
 LET_GO_S_MAX = 150.0
-"""A part whose organiser died ends within five looks of 15 s; an organiser that is told to end asks silent nodes for half a minute, and again."""
+"""A part whose organiser died ends within 65 s; an organiser that is told to end asks silent nodes for half a minute, and again."""
 CALM_TRIES, CALM_S_MAX = 3, 60.0
 """A small image takes a few seconds; a node that has just come back may cost an attempt."""
 

@@ -12,9 +12,9 @@ from trio.testing import MockClock
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.render.pool import service
-from scenefold.render.pool.hold import LOOK_S, PREPARE_S_MAX, SILENT_LOOKS_MAX, WAITING_LOOKS_MAX, WORD_S, Hold
+from scenefold.render.pool.hold import LOOK_S, PREPARE_S_MAX, QUIET_LOOKS, SILENT_LOOKS_MAX, WAITING_LOOKS_MAX, WORD_S, Hold
 from scenefold.render.pool.keeping import keep_places
-from scenefold.render.pool.service import JOBS_OF_A_NODE_MAX, RenderService
+from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_NODE_MAX, RenderService
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, pack_value
 
 ME, ORGANISER, OTHER = NodeId(0x7F000002), NodeId(0x7F000003), NodeId(0x7F000004)
@@ -27,6 +27,18 @@ def test_a_word_holds_a_place_and_silence_gives_it_back() -> None:
         assert [hold.over() for _ in range(SILENT_LOOKS_MAX)] == [""] * SILENT_LOOKS_MAX
         hold.heard()
     assert [hold.over() for _ in range(SILENT_LOOKS_MAX + 1)][-1] == "is silent"
+
+
+def test_who_is_silent_for_a_while_gives_way_and_one_word_is_enough_to_stay() -> None:
+    hold = Hold()
+    for _ in range(2):
+        quiet = []
+        for _ in range(QUIET_LOOKS):
+            quiet.append(hold.is_quiet)
+            assert not hold.over()
+        assert not any(quiet) and hold.is_quiet
+        hold.heard()
+    assert not hold.is_quiet and 2 * WORD_S < QUIET_LOOKS * LOOK_S, "one word may be lost"
 
 
 def test_words_alone_hold_no_place_for_ever_and_a_job_that_runs_goes_on() -> None:
@@ -44,11 +56,17 @@ class Waits:
     """A part that is ready at once."""
 
     has_failed = False
-    is_idle = False
     was_ready = True
 
     def __init__(self, _host: object, _renderer: object, job: Any, _organiser: object, _log: object) -> None:
         self.job, self.hold, self.gone, self._ended = job, Hold(), False, trio.Event()
+
+    @property
+    def is_idle(self) -> bool:
+        return self.hold.is_quiet
+
+    def forget(self) -> None:
+        self._ended.set()
 
     async def run(self) -> None:
         await self._ended.wait()
@@ -84,8 +102,8 @@ class Node:
     async def told(self, packet: Packet, by: NodeId = ORGANISER) -> Any:
         return await self.handlers[type(packet)](packet, f"node:{by}")
 
-    async def offered(self, job: int) -> int:
-        answer = await self.told(StartJob(job=job, document=b"%d" % job))
+    async def offered(self, job: int, by: NodeId = ORGANISER) -> int:
+        answer = await self.told(StartJob(job=job, document=b"%d" % job), by)
         assert isinstance(answer, JobAnswer)
         return answer.reason
 
@@ -109,7 +127,30 @@ async def test_an_organiser_that_never_says_go_gets_its_places_back_within_two_m
         assert [await node.offered(job) for job in range(JOBS_OF_A_NODE_MAX)] == [0] * JOBS_OF_A_NODE_MAX
         assert await node.offered(90) != 0
         await trio.sleep(SILENT_S + LOOK_S)
+        with pytest.raises(Refused, match="takes no part"):
+            await node.told(JobState(job=0))
         assert await node.offered(91) == 0
+        nursery.cancel_scope.cancel()
+
+
+async def test_an_organiser_that_died_takes_no_places_from_those_that_live(node: Node, autojump_clock: MockClock) -> None:
+    host: Any = node
+    async with trio.open_nursery() as nursery:
+        await nursery.start(RenderService(host).run)
+        for job in range(JOBS_OF_A_NODE_MAX):
+            assert await node.offered(job) == 0
+        for job in range(JOBS_OF_A_NODE_MAX, JOBS_MAX):
+            assert await node.offered(job, OTHER) == 0
+        assert await node.offered(90, OTHER) != 0
+        for _ in range(QUIET_LOOKS + 1):
+            await trio.sleep(LOOK_S)
+            for job in range(JOBS_OF_A_NODE_MAX, JOBS_MAX):
+                assert isinstance(await node.told(JobState(job=job), OTHER), JobStateReply)
+        assert await node.offered(91, OTHER) == 0
+        with pytest.raises(Refused, match="takes no part"):
+            await node.told(JobState(job=0))
+        for job in range(1, JOBS_OF_A_NODE_MAX):
+            assert isinstance(await node.told(JobState(job=job)), JobStateReply), "one place was needed, and no more"
         nursery.cancel_scope.cancel()
 
 

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 PREPARE_S_MAX = 900.0
 """So long may the nodes of a job prepare."""
-LOOK_S = 15.0
-SILENT_LOOKS_MAX = 4
-"""The organiser speaks several times in so many looks; if it does not, it died, or was cut off, or wants no image."""
+LOOK_S = 5.0
+SILENT_LOOKS_MAX = 12
+"""The organiser speaks many times in so many looks; if it does not, it died, or was cut off, or wants no image."""
+QUIET_LOOKS = 3
+"""Who was silent for so many looks has most likely died: its places go to jobs that have none, and only to these."""
 WAITING_LOOKS_MAX = int(PREPARE_S_MAX / LOOK_S) + SILENT_LOOKS_MAX
-WORD_S = 10.0
+WORD_S = 3.0
 """The organiser's pause between two words to each node."""
 
 
@@ -29,6 +31,11 @@ class Hold:
     def go(self) -> None:
         """It said that the part may trace."""
         self._silent, self._waiting = 0, None
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether the organiser has said nothing for a while, so that the place is for whoever needs one."""
+        return self._silent >= QUIET_LOOKS
 
     def over(self) -> str:
         """One more look: why the place is held no longer; empty as long as it is."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection
 from enum import Enum
 from functools import partial
@@ -33,6 +34,8 @@ from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
 from scenefold.wire import AcknowledgeRays, CollectPass, JobAnswer, Packet, PassCounts, PassSums, SendRays, Value
 from scenefold.world import DiskFailed, QuietLog
+
+_log = logging.getLogger("scenefold.render.pool")
 
 FILMS = 3
 """Of a node among several: its own, the copy of another's, and what comes while films are gathered."""
@@ -129,11 +132,14 @@ class Part:
 
     @property
     def is_idle(self) -> bool:
-        """Never: what an organiser leaves alone ends by its hold."""
-        return False
+        """Its organiser says nothing: maybe it is no more."""
+        return self.hold.is_quiet
 
     def forget(self) -> None:
-        """Nothing to end: what failed has freed everything, and no task waits."""
+        """End; what failed has freed everything, and no task waits. See `end`."""
+        if not self.has_failed:
+            _log.warning("job %016x: its organiser is silent, and another job needs the place; this node's part ends", self.job.id)
+        self._scope.cancel()
 
     @property
     def was_ready(self) -> bool:
