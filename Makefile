@@ -40,11 +40,12 @@ demo:
 	$(call ready,)$(BIN)/scenectl demo --output demo-output
 
 # Tests start hundreds of processes, each of which would compile all modules again where the environment has Python keep nothing.
-# While one core lints, another one compiles the kernels: else all tests that render would begin by compiling the same ones.
+# While one core lints, another one compiles the kernels: else all tests that render would begin by compiling the same ones. They come late; those
+# before them need not wait for it.
 test: export PYTHONDONTWRITEBYTECODE =
 test:
-	$(call ready,dev)$(BIN)/python -m scenefold.render.warm & warm=$$!; { $(LINTERS); } || { kill $$warm; exit 1; }; wait $$warm
-	$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER)
+	$(call ready,dev)$(BIN)/python -m scenefold.render.warm & warm=$$!; { $(LINTERS); } || { kill $$warm; exit 1; }; \
+	$(BIN)/python -m pytest --hypothesis-profile=ci $(TOGETHER); tested=$$?; wait $$warm && exit $$tested
 
 # Minutes of furnaces, samplers and analytic scenes, and the renderer that needs an extra.
 test-render: export PYTHONDONTWRITEBYTECODE =
