@@ -44,7 +44,9 @@ def test_the_newest_is_taken_by_what_it_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("major", [None, 14, library.LLVM_LEAST - 1])
-def test_one_that_would_end_the_process_is_not_taken_whatever_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, major: int | None) -> None:
+def test_one_that_would_end_the_process_is_not_taken_whatever_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, major: int | None
+) -> None:
     made(tmp_path / "libLLVM.so.20.1", major)
     old = made(tmp_path / "libLLVM.so", major)
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", old)
