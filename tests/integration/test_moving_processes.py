@@ -183,6 +183,7 @@ async def test_two_newcomers_at_the_same_place_both_get_their_part(tmp_path: Pat
 
 
 @pytest.mark.expect_log("records are gone, or older than this client has met them")
+@pytest.mark.long
 async def test_a_wiped_node_comes_back_as_a_newcomer_and_only_its_own_records_are_gone(tmp_path: Path) -> None:
     async with living_cluster(tmp_path, 3) as living:
         kept, victim = living.kept, living.nodes.addresses[2]

@@ -89,6 +89,7 @@ def test_nodes_end_with_a_client_that_is_killed(tmp_path: Path) -> None:
     assert "o.exr" not in left(tmp_path)
 
 
+@pytest.mark.long
 def test_nodes_that_are_killed_are_named_and_none_of_them_ends_the_render(tmp_path: Path) -> None:
     """Which one organises it is drawn: all are killed, until it was its turn."""
     with rendering(tmp_path, *own_nodes(tmp_path)) as render:

@@ -15,6 +15,8 @@ from scenefold.render.kit.rig import Rig
 from scenefold.render.kit.shapes import room
 
 pytestmark = pytest.mark.timeout(300)
+LONG = frozenset({"a glowing rectangle", "inside of a glowing sphere"})
+"""Of the kit: in Python these take a quarter of a minute each. Other lamps and another furnace are left."""
 EXAMPLE = ROOT / "docs" / "examples" / "plain_renderer.py"
 
 
@@ -33,7 +35,7 @@ def test_it_is_short_and_on_its_page() -> None:
     assert '--8<-- "docs/examples/plain_renderer.py"' in page
 
 
-@pytest.mark.parametrize("name", checks(Level.STATISTICAL))
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in checks(Level.STATISTICAL)])
 def test_it_passes_the_kit(example: ModuleType, name: str) -> None:
     checks(Level.STATISTICAL)[name](example.PlainRenderer())
 

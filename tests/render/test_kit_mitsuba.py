@@ -16,7 +16,11 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize("name", checks(Level.STATISTICAL))
+LONG = frozenset({"a glowing rectangle"})
+"""Of the kit, what takes longest; other lamps are left."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in checks(Level.STATISTICAL)])
 def test_mitsuba_passes_at_statistical_level(name: str) -> None:
     checks(Level.STATISTICAL)[name](load_renderer("mitsuba"))
 

@@ -87,7 +87,9 @@ def nodes(request: pytest.FixtureRequest) -> int:
 
 
 @pytest.mark.parametrize(
-    "options", [replace(OPTIONS, moving=False), OPTIONS, replace(OPTIONS, algorithm="kd")], ids=["fixed", "moving", "kd"]
+    "options",
+    [replace(OPTIONS, moving=False), OPTIONS, pytest.param(replace(OPTIONS, algorithm="kd"), marks=pytest.mark.long)],
+    ids=["fixed", "moving", "kd"],
 )
 async def test_the_image_is_the_same(room: Records, alone: Callable[[RenderOptions], str], options: RenderOptions, nodes: int) -> None:
     async with memory_pool(offline_world(), room, nodes) as pool:
@@ -153,7 +155,7 @@ def comes_soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("comes_soon")
-@pytest.mark.parametrize("was_started_anew", [True, False], ids=["started anew", "cut off"])
+@pytest.mark.parametrize("was_started_anew", [True, pytest.param(False, marks=pytest.mark.long)], ids=["started anew", "cut off"])
 async def test_a_node_that_comes_back_takes_part_again(
     room: Records, alone: Callable[[RenderOptions], str], was_started_anew: bool
 ) -> None:
@@ -253,7 +255,7 @@ STEPS: dict[str, Callable[[Packet], bool]] = {
 }
 
 
-@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("step", [pytest.param(step, marks=() if step in ("fetch", "merge") else pytest.mark.long) for step in STEPS])
 async def test_another_node_dies_while_the_others_begin_again(
     room: Records, alone: Callable[[RenderOptions], str], step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,6 +26,7 @@ def test_seeds_hold_and_the_weather_hits_renders() -> None:
         assert any(getattr(renders, name) for renders in found), f"no {name.replace('_', ' ')} in any seed"
 
 
+@pytest.mark.long
 def test_nodes_that_die_over_packets_of_renders() -> None:
     result = run(Order(3, workload="renders", storm_s=20.0, kinds=(Kind.RESET, Kind.KILL_IN_RENDER)))
     fail_with_stories([result])

@@ -24,7 +24,9 @@ def trace_of(path: Path, hash_seed: str, workload: str) -> bytes:
     return path.read_bytes()
 
 
-@pytest.mark.parametrize("workload", ["all", "keys", "logs", pytest.param("renders", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "workload", ["all", pytest.param("keys", marks=pytest.mark.long), "logs", pytest.param("renders", marks=pytest.mark.long)]
+)
 def test_one_seed_is_one_trace_in_any_process(tmp_path: Path, workload: str) -> None:
     first, second = trace_of(tmp_path / "one", "1", workload), trace_of(tmp_path / "other", "2", workload)
     different = [pair for pair in zip(first.splitlines(), second.splitlines(), strict=False) if pair[0] != pair[1]]

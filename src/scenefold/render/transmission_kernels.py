@@ -9,7 +9,8 @@ Of a material that is transmission T and base colour c, light comes from the oth
 
   Together with what the surface reflects, a white wall gives on all that it gets (energy_kernels.py);
 - a solid body's boundary by refraction (refraction_kernels.py), times T c; what it mirrors, times T, is part of the same lobe, and
-  what lies below counts 1 - T.
+  what lies below counts 1 - T. The lobe is divided by what one bounce gives on of light from the viewer (glass_energy_kernels.py): so
+  white glass gives on all that it gets, on either side.
 
 Sides are those of the geometric normal; where the shading normal disagrees, there is no light.
 """
@@ -34,6 +35,7 @@ from scenefold.render.bsdf_kernels import (
 )
 from scenefold.render.energy_kernels import Rough, albedo_of, bounced, left_of, rough_of
 from scenefold.render.ggx_albedo import ALPHA_MIN
+from scenefold.render.glass_energy_kernels import kept_by_glass
 from scenefold.render.lane_values_kernels import alike, any_lane, bits_of, gather, select
 from scenefold.render.math_kernels import INVERSE_PI
 from scenefold.render.refraction_kernels import rough_dielectric, sample_rough_dielectric
@@ -66,6 +68,8 @@ class Transmission(NamedTuple):
     rough: Any
     layer: Any
     """A thin wall's reflectance at normal incidence and at grazing angles, its strongest channel."""
+    whole: Any
+    """By which one bounce on glass is multiplied, so that nothing is lost."""
     more: Any
     """What passes a thin wall after several bounces, by (1 - E(i)); without T and c."""
     glossy: Any
@@ -102,9 +106,12 @@ def transmission_of(r, g, b, metallic, alpha, reflection, thin, glass, ior, behi
     index = max(ior, _IOR_MIN)
     alpha = select((glass > 0.0) & (ior <= _IOR_MIN), ALPHA_MIN, alpha)
     eta = select(behind, 1.0 / index, index)
+    solid, whole = glass > 0.0, alike(1.0, alpha)
+    if any_lane(solid):
+        whole = select(solid, 1.0 / kept_by_glass(alpha, wo[2], index, behind), whole)
     more = (1.0 - again) * missing * INVERSE_PI / rough.missing
     return Transmission(
-        pick, glass, (share * r, share * g, share * b), wo, frame, geometric, alpha, eta, rough, (strongest, f90), more, 1.0 - missing
+        pick, glass, (share * r, share * g, share * b), wo, frame, geometric, alpha, eta, rough, (strongest, f90), whole, more, 1.0 - missing
     )  # fmt: skip
 
 
@@ -114,7 +121,7 @@ def _none(example):  # type: ignore[no-untyped-def]
     zero = alike(0.0, example)
     three, nowhere = (zero, zero, zero), Rough(bits_of(zero), zero, zero, zero)
     nine = (zero, zero, zero, zero, zero, zero, zero, zero, zero)
-    return Transmission(zero, zero, three, three, nine, three, zero, zero, nowhere, (zero, zero), zero, zero)
+    return Transmission(zero, zero, three, three, nine, three, zero, zero, nowhere, (zero, zero), zero, zero, zero)
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
@@ -137,7 +144,7 @@ def transmitted(seen, wx, wy, wz, r, g, b, pdf, cosine):  # type: ignore[no-unty
     solid = seen.glass > 0.0
     if any_lane(solid):
         of_glass, density_of_glass = rough_dielectric(seen.wo[0], seen.wo[1], seen.wo[2], x, y, z, seen.alpha, seen.eta)
-        value, density = select(solid, of_glass, value), select(solid, density_of_glass, density)
+        value, density = select(solid, seen.whole * of_glass, value), select(solid, density_of_glass, density)
     thin = (seen.pick > 0.0) & (seen.glass <= 0.0) & beyond
     if any_lane(thin):
         of_wall, density_of_wall = _thin(seen, x, y, z)

@@ -14,7 +14,7 @@ AUTHORITY = Authority.create("test")
 CLIENT = client_context(AUTHORITY.issue("user:ada", []), AUTHORITY.certificate)
 SERVER = server_context(AUTHORITY.issue("node:2130706434", [ADDRESS]), AUTHORITY.certificate)
 SECRET = b"nobody may see this"
-FLIPS = 10_000
+FLIPS = 5_000
 PARTS = 4
 
 

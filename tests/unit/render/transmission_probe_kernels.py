@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from scenefold.render import absorption_kernels, metallic_roughness_kernels, refraction_kernels, transmission_kernels
+from scenefold.render import (
+    absorption_kernels,
+    glass_energy_kernels,
+    metallic_roughness_kernels,
+    refraction_kernels,
+    transmission_kernels,
+)
 from scenefold.render.lane_values_kernels import put as _put
 from scenefold.render.lane_values_kernels import take as _take
 from scenefold.render.lanes_kernels import LANES
@@ -21,6 +27,7 @@ _transmission, _transmitted, _sample = (
 )
 _body, _evaluate = metallic_roughness_kernels.metallic_roughness, metallic_roughness_kernels.evaluate
 _left_after, _fresnel = absorption_kernels.left_after, refraction_kernels.dielectric_fresnel
+_kept_by_glass = glass_energy_kernels.kept_by_glass
 
 
 @njit(error_model="numpy")
@@ -67,6 +74,15 @@ def scattered(
             leaves = z > 0.0
         if leaves:
             out[i, 0], out[i, 1], out[i, 2] = x, y, z
+    return out
+
+
+@njit(error_model="numpy")
+def kept_by_glass(alpha: Any, cosine: Any, index: Any, within: Any) -> Any:
+    """f64[n], of f64[n] each."""
+    out = np.empty(alpha.shape[0])
+    for i in range(alpha.shape[0]):
+        out[i] = _kept_by_glass(alpha[i], cosine[i], index[i], within)
     return out
 
 

@@ -13,7 +13,7 @@ from scenefold.consensus import Outcome
 from unit.consensus.laws import Broken
 from unit.peer.logs.storm import SIZES, Storm
 
-SEEDS = 24
+SEEDS = 12
 EACH = 6
 
 

@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from scenefold.render import glass_albedo
 from scenefold.render.ggx_albedo import AVERAGES, NODES, TABLE
 from scenefold.render.renderers.mitsuba.library import Mitsuba
 from scenefold.render.renderers.mitsuba.looks import Looks
@@ -50,9 +51,11 @@ _albedo_tables: dict[str, Any] = {}
 
 
 def _tables(mitsuba: Mitsuba) -> Any:
-    """1 - E and B by roughness and cosine, Float[NODES * NODES], and their means by roughness, Float[NODES]."""
+    """1 - E and B by roughness and cosine, Float[NODES * NODES], their means by roughness, Float[NODES], and glass's E from both sides."""
     if mitsuba.variant not in _albedo_tables:
+        glass = glass_albedo.TABLE
         parts = (TABLE & np.uint32(0xFFFF)) / 65535.0, (TABLE >> np.uint32(16)) / 65535.0, *AVERAGES.T
+        parts = (*parts, (glass & np.uint32(0xFFFF)) / 65535.0, (glass >> np.uint32(16)) / 65535.0)
         given = mitsuba.mi.Float if mitsuba.is_wavefront else np.asarray
         _albedo_tables[mitsuba.variant] = [given(np.ascontiguousarray(part, np.float32)) for part in parts]
     return _albedo_tables[mitsuba.variant]
@@ -120,7 +123,7 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
                     dr.lerp(*(self._read(table, (row + up) * NODES + column + right) for right in (0, 1)), y - column) for up in (0, 1)
                 )
                 found.append(dr.lerp(lower, upper, x - row))
-            found += [dr.lerp(self._read(table, row), self._read(table, row + 1.0), x - row) for table in tables[2:]]
+            found += [dr.lerp(self._read(table, row), self._read(table, row + 1.0), x - row) for table in tables[2:4]]
             return found[0], found[1], found[2], found[3]
 
         def _further(self, f0: Any, f90: Any, missing: Any) -> Any:
@@ -190,7 +193,29 @@ def _make_class(mitsuba: Mitsuba) -> Any:  # noqa: C901  (a class within, method
             ) * distribution.eval(h) * shadowing / (v.z * dr.abs(l.z))  # fmt: skip
             density = distribution.pdf(v, h) * dr.select(reflects, fresnel / (4.0 * vh), (1.0 - fresnel) * bent)
             good = (vh > 0.0) & dr.select(reflects, lh > 0.0, lh < 0.0)
-            return dr.select(good, value, 0.0), dr.select(good, density, 0.0)
+            return dr.select(good, value / self._kept_by_glass(alpha, v.z, eta), 0.0), dr.select(good, density, 0.0)
+
+        def _kept_by_glass(self, alpha: Any, cosine: Any, eta: Any) -> Any:
+            """What one bounce mirrors and bends of light from a cosine: as much is to come from it and all others."""
+            ior = dr.maximum(eta, 1.0 / eta)
+            axes = (
+                (dr.sqrt(alpha), glass_albedo.ROUGHNESSES),
+                (dr.sqrt(dr.maximum(cosine, 0.0)), glass_albedo.COSINES),
+                (dr.sqrt((ior - 1.0) / (ior + 1.0)), glass_albedo.INDICES),
+            )
+            lows, parts = [], []
+            for at, count in axes:
+                at = dr.clip(at, 0.0, 1.0) * (count - 1)
+                lows.append(dr.minimum(dr.floor(at), count - 2.0))
+                parts.append(at - lows[-1])
+            kept: Any = 0.0
+            for corner in np.ndindex(2, 2, 2):
+                weight, place = 1.0, 0.0
+                for low, part, upper, (_, count) in zip(lows, parts, corner, axes, strict=True):
+                    weight, place = weight * (part if upper else 1.0 - part), place * count + low + upper
+                without, within = (self._read(table, place) for table in _tables(mitsuba)[4:])
+                kept = kept + weight * dr.select(eta < 1.0, within, without)
+            return dr.maximum(kept, 1.0 / 64.0)
 
         def _beyond(self, v: Any, l: Any, alpha: Any, roughness: Any, f0: Any, f90: Any) -> tuple[Any, Any]:
             """Value without tint and cosine, and density, of what comes through a rough wall, l.z < 0."""
