@@ -9,7 +9,6 @@ import pytest
 
 from scenefold.render.lanes_kernels import LANES
 from unit.render import lanes_probe_kernels as probe
-from unit.render.test_light_kernels import job, lit_scene
 
 COUNT = 4096
 
@@ -32,18 +31,6 @@ def test_a_lane_does_not_know_its_company(name: str) -> None:
     assert len(np.unique(here)) > COUNT / 2, "or the same few numbers were compared"
     both_none = np.isnan(here[:, order].view(np.float32)) & np.isnan(there.view(np.float32))
     assert ((here[:, order] == there) | both_none).all()
-
-
-def test_a_light_sample_does_not_know_its_company() -> None:
-    random = np.random.default_rng(3)
-    points, samples, order = random.uniform(-3.5, 3.5, (COUNT, 3)), np.arange(COUNT, dtype=np.uint32), random.permutation(COUNT)
-    scene, numbers = lit_scene(), job(0.25, 0.35, 0.4)
-    here = probe.lights(scene, numbers, points, samples, (0.0, 1.0, 0.0))[order]
-    there = probe.lights(scene, numbers, points[order], samples[order], (0.0, 1.0, 0.0))
-    found = here[:, 0] != 0.0
-    assert 0.5 < found.mean() < 1.0
-    assert np.array_equal(here[:, 0], there[:, 0])
-    assert np.array_equal(here[found], there[found])
 
 
 @pytest.mark.parametrize("name", probe.IN_NUMBERS)

@@ -152,6 +152,18 @@ def test_samples_are_whole(shares: tuple[float, float, float]) -> None:
     assert np.isfinite(hit).all()
 
 
+def test_a_light_sample_does_not_know_its_company() -> None:
+    count, random = 4096, np.random.default_rng(3)
+    points, samples, order = random.uniform(-3.5, 3.5, (count, 3)), np.arange(count, dtype=np.uint32), random.permutation(count)
+    scene, numbers = lit_scene(), job(0.25, 0.35, 0.4)
+    here = lanes.lights(scene, numbers, points, samples, (0.0, 1.0, 0.0))[order]
+    there = lanes.lights(scene, numbers, points[order], samples[order], (0.0, 1.0, 0.0))
+    found = here[:, 0] != 0.0
+    assert 0.5 < found.mean() < 1.0
+    assert np.array_equal(here[:, 0], there[:, 0])
+    assert np.array_equal(here[found], there[found])
+
+
 def test_sky_is_asked_over_the_hemisphere() -> None:
     found = samples(job(1.0, 0.0, 0.0))
     assert (found[:, 0] == 1).all()
