@@ -404,7 +404,7 @@ def kept(roughness: F64 | float, cosine: F64 | float, ior: F64 | float, *, withi
         parts.append(at - lows[-1])
     found: F64 = np.zeros(np.broadcast_shapes(*(part.shape for part in parts)))
     for corner in np.ndindex(2, 2, 2):
-        weight = 1.0
+        weight: F64 = np.ones(())
         for part, upper in zip(parts, corner, strict=True):
             weight = weight * (part if upper else 1.0 - part)
         found = found + weight * shares[tuple(low + upper for low, upper in zip(lows, corner, strict=True))]
