@@ -19,7 +19,6 @@ from scenefold.simulation.render_mutants import (
     held_for_ever,
     however_often_it_comes,
     kept_beside,
-    of_any_attempt,
     wherever_they_come,
     without_a_node,
 )
@@ -264,7 +263,6 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "rays by epoch": (Patch("scenefold.render.pool.member", "Member.on_rays", wherever_they_come),),
     "credit of links": (Patch("scenefold.render.pool.links.sender", "Sender.may_send", _always(True)),),
     "packets count once": (Patch("scenefold.render.pool.links.link", "Link.counts", however_often_it_comes),),
-    "packets of this attempt": (Patch("scenefold.render.pool.part", "Part._in_attempt", of_any_attempt),),
     "films handed on once": (Patch("scenefold.render.pool.films", "Films.forget_gathered", kept_beside),),
     "renders let go": (Patch("scenefold.render.watch", "Watch.let_go", held_for_ever),),
 }

@@ -49,15 +49,6 @@ def however_often_it_comes(original: Any) -> Any:
     return counts
 
 
-def of_any_attempt(_original: Any) -> Any:
-    """A packet of another attempt is taken as one of this."""
-
-    def in_attempt(self: Any, node: Any, _attempt: int) -> Any:
-        return self.member(), self.place_of(node)
-
-    return in_attempt
-
-
 def kept_beside(_original: Any) -> Any:
     """A node keeps its film when all of that is the organiser's, and hands it on once more the next time."""
 

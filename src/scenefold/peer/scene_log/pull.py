@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 
@@ -21,6 +22,10 @@ Take = Callable[[SceneLogPublic, str], Awaitable[None]]
 """What becomes of a header that somebody shows, and who that is."""
 MISS_S = 1.0
 """A scene that nobody knows is not asked for again within this time."""
+NEXT_S = 0.5
+"""After so long without an answer the next node is asked as well: where most cannot be reached, whoever reads would wait for each of them."""
+NEWS_S_MAX = 3.0
+"""So long news of a scene that is known are waited for: without them it is answered by what is known."""
 
 
 @dataclass
@@ -88,37 +93,60 @@ class Pull:
     async def _ask_around(self, begun: _Round, order: list[NodeId], scene: SceneId, position: int) -> bool:
         """False if it ends before all were asked that should be."""
         request = RequestSceneLog(scene=scene, genesis=b"", have=position, nonce=0, want=Want.HEADER)
-        members, asked = len(order), 0
-        was_known = self._known(scene) is not None
-        while order:
-            if was_known and asked == ASKED_OF_KNOWN and not self._begun.go_on(sorted(begun.askers), members, self._world.clock.now()):
-                # Nothing is noted as missed: for who has questions left the others are asked at once.
-                return False
-            member = order.pop(0)
-            asked += 1
-            public = await shown_by(self._peers, member, request)
-            if public is None:
-                continue
-            is_new = self._known(scene) is None
-            await self._take(public, address_of(member))
-            found = self._known(scene)
-            if found is None:
-                continue
-            deciders = deciding(found.public)
-            if is_new and deciders & {*order}:
-                # It was decided, and may be old: who decides knows.
-                order = sorted(order, key=lambda other: other not in deciders)
-            elif self._is_known(scene, position):
-                break
-            elif member in deciders:
-                # Somebody claims too much, most likely. But it may have lost its disk.
-                order = order[:BEYOND_ORIGIN]
+        members, was_known = len(order), self._known(scene) is not None
+        clock = self._world.clock
+        until = clock.now() + NEWS_S_MAX if was_known else math.inf
+        tell, hear = trio.open_memory_channel[tuple[NodeId, SceneLogPublic | None]](members)
+
+        async def ask(member: NodeId) -> None:
+            tell.send_nowait((member, await shown_by(self._peers, member, request)))
+
+        asked = under_way = 0
+        async with trio.open_nursery() as nursery:
+            while (order or under_way) and clock.now() < until:
+                if order:
+                    if was_known and asked == ASKED_OF_KNOWN and not self._begun.go_on(sorted(begun.askers), members, clock.now()):
+                        # Nothing is noted as missed: for who has questions left the others are asked at once.
+                        nursery.cancel_scope.cancel()
+                        return False
+                    nursery.start_soon(ask, order.pop(0))
+                    asked += 1
+                    under_way += 1
+                answer = None
+                with trio.move_on_after(max(0.0, min(NEXT_S if order else math.inf, until - clock.now()))):
+                    answer = await hear.receive()
+                if answer is None:
+                    continue
+                under_way -= 1
+                member, public = answer
+                if public is not None:
+                    is_new = self._known(scene) is None
+                    await self._take(public, address_of(member))
+                    left = self._left_to_ask(order, member, scene, position, is_new=is_new)
+                    if left is None:
+                        break
+                    order = left
+            nursery.cancel_scope.cancel()
         if self._is_known(scene, position):
             return True
         if len(self._missed_at) > SCENES_KEPT_MAX:
             self._missed_at.clear()
         self._missed_at[scene] = self._world.clock.now()
         return True
+
+    def _left_to_ask(self, order: list[NodeId], member: NodeId, scene: SceneId, position: int, *, is_new: bool) -> list[NodeId] | None:
+        """Who is still to be asked, once a member's header was looked at; None: nobody, it is there. `is_new`: nothing of the scene was known before."""
+        found = self._known(scene)
+        if found is None:
+            return order
+        deciders = deciding(found.public)
+        if is_new and deciders & {*order}:
+            # It was decided, and may be old: who decides knows.
+            return sorted(order, key=lambda other: other not in deciders)
+        if self._is_known(scene, position):
+            return None
+        # Somebody claims too much, most likely. But it may have lost its disk.
+        return order[:BEYOND_ORIGIN] if member in deciders else order
 
     def _in_order(self, known: KnownScene | None) -> list[NodeId]:
         """All others, first whoever decides the scene."""

@@ -1,0 +1,92 @@
+"""If this fails, whoever reads through a node that is cut off from most others waits for each of them in turn, longer than a reader does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import trio
+from trio.testing import MockClock
+
+from scenefold.base.errors import Unreachable
+from scenefold.base.ids import NodeId
+from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.scene_log.headers import checked_header
+from scenefold.peer.scene_log.pull import NEWS_S_MAX, NEXT_S, Pull
+from scenefold.peer.scene_log.rounds import ASKED_OF_KNOWN
+from scenefold.wire import RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneLogPublic
+from unit.peer.scenes_made import first_header, later_header
+from unit.peer.test_scenes import PlainWorld
+
+FIRST = first_header()
+NEWER = later_header(FIRST)
+OTHERS = [NodeId(number) for number in range(2, 9)]
+USER = "user:ada"
+
+
+class Peers:
+    """Some never answer: they are cut off, and only the time limit ends a question to them."""
+
+    def __init__(self, silent: list[NodeId], header: SceneLogPublic) -> None:
+        self.asked: list[NodeId] = []
+        self.ended: list[NodeId] = []
+        self._silent, self._header = silent, header
+
+    def others(self) -> list[NodeId]:
+        return OTHERS
+
+    async def ask(self, member: NodeId, _priority: Any, packet: RequestSceneLog, _answer: Any, timeout_s: float) -> RespondSceneLog:
+        self.asked.append(member)
+        try:
+            if member in self._silent:
+                await trio.sleep(timeout_s)
+                raise Unreachable("it does not answer")
+            await trio.sleep(0.01)
+            return RespondSceneLog(SceneLogAnswer(0, 2, self._header.position, self._header, None))
+        finally:
+            self.ended.append(member)
+
+
+class Node:
+    """It knows the first header, or nothing of the scene."""
+
+    def __init__(self, peers: Peers, known: SceneLogPublic | None) -> None:
+        world: Any = PlainWorld()
+        them: Any = peers
+        self._known: KnownScene | None = None if known is None else checked_header(known, None)
+        self.pull = Pull(world, them, lambda _scene: self._known, self._take)
+
+    async def _take(self, header: SceneLogPublic, _where: str) -> None:
+        await trio.lowlevel.checkpoint()
+        if self._known is None or header.position > self._known.public.position:
+            self._known = checked_header(header, self._known)
+
+    @property
+    def position(self) -> int:
+        return 0 if self._known is None else self._known.public.position
+
+
+async def test_who_is_cut_off_from_all_others_says_so_soon(autojump_clock: MockClock) -> None:
+    peers = Peers(OTHERS, NEWER)
+    node = Node(peers, FIRST)
+    assert await node.pull.until(FIRST.scene, NEWER.position, USER)
+    assert trio.current_time() <= NEWS_S_MAX + 0.1 and node.position == FIRST.position
+    assert len(peers.asked) >= ASKED_OF_KNOWN and sorted(peers.ended) == sorted(peers.asked), "no question is left behind"
+
+
+@pytest.mark.parametrize("known", [FIRST, None], ids=["known", "unknown"])
+@pytest.mark.parametrize("silent", [1, 3, 5])
+async def test_one_that_answers_is_found_among_silent_ones(autojump_clock: MockClock, silent: int, known: SceneLogPublic | None) -> None:
+    peers = Peers(OTHERS[:silent], NEWER)
+    node = Node(peers, known)
+    assert await node.pull.until(FIRST.scene, NEWER.position, USER)
+    assert node.position == NEWER.position
+    assert trio.current_time() < silent * NEXT_S + 0.1, "nobody waits until a silent one has had all of its time"
+    assert sorted(peers.ended) == sorted(peers.asked)
+
+
+async def test_where_all_answer_only_one_is_asked(autojump_clock: MockClock) -> None:
+    peers = Peers([], NEWER)
+    node = Node(peers, FIRST)
+    assert await node.pull.until(FIRST.scene, NEWER.position, USER)
+    assert peers.asked == OTHERS[:1]
