@@ -12,7 +12,7 @@ from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.scene_log.headers import checked_header
-from scenefold.peer.scene_log.pull import NEWS_S_MAX, NEXT_S, Pull
+from scenefold.peer.scene_log.pull import MISS_S, NEWS_S_MAX, NEXT_S, Pull
 from scenefold.peer.scene_log.rounds import ASKED_OF_KNOWN
 from scenefold.wire import RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneLogPublic
 from unit.peer.scenes_made import first_header, later_header
@@ -90,3 +90,17 @@ async def test_where_all_answer_only_one_is_asked(autojump_clock: MockClock) -> 
     node = Node(peers, FIRST)
     assert await node.pull.until(FIRST.scene, NEWER.position, USER)
     assert peers.asked == OTHERS[:1]
+
+
+async def test_who_was_silent_is_asked_last_the_next_time(autojump_clock: MockClock) -> None:
+    """Else of many who decide, and of whom the first cannot be reached, nobody else would ever be asked: a round has an end."""
+    others = [NodeId(number) for number in range(2, 20)]
+    peers = Peers(others[:-1], NEWER)
+    peers.others = lambda: others  # type: ignore[method-assign]
+    node = Node(peers, FIRST)
+    rounds = 0
+    while node.position < NEWER.position:
+        rounds += 1
+        assert rounds <= 4 and await node.pull.until(FIRST.scene, NEWER.position)
+        await trio.sleep(MISS_S)
+    assert len(set(peers.asked)) == len(others)

@@ -55,6 +55,8 @@ class Pull:
         self._begun = Rounds()
         self._missed_at: dict[SceneId, float] = {}
         self._rounds: dict[SceneId, _Round] = {}
+        self._silent: set[NodeId] = set()
+        """Who showed nothing when it was asked last: of equals, it is asked last."""
 
     def found(self, scene: SceneId) -> None:
         """There are news of the scene: the next who lacks something of it asks at once."""
@@ -99,6 +101,7 @@ class Pull:
         tell, hear = trio.open_memory_channel[tuple[NodeId, SceneLogPublic | None]](members)
 
         async def ask(member: NodeId) -> None:
+            self._silent.add(member)
             tell.send_nowait((member, await shown_by(self._peers, member, request)))
 
         asked = under_way = 0
@@ -120,6 +123,7 @@ class Pull:
                 under_way -= 1
                 member, public = answer
                 if public is not None:
+                    self._silent.discard(member)
                     is_new = self._known(scene) is None
                     await self._take(public, address_of(member))
                     left = self._left_to_ask(order, member, scene, position, is_new=is_new)
@@ -149,9 +153,10 @@ class Pull:
         return order[:BEYOND_ORIGIN] if member in deciders else order
 
     def _in_order(self, known: KnownScene | None) -> list[NodeId]:
-        """All others, first whoever decides the scene."""
-        deciders = set() if known is None else deciding(known.public)
-        return sorted(self._peers.others(), key=lambda other: other not in deciders)
+        """All others, first whoever decides the scene, and of these and of those first who answered the last time."""
+        deciders, others = set() if known is None else deciding(known.public), self._peers.others()
+        self._silent.intersection_update(others)
+        return sorted(others, key=lambda other: (other not in deciders, other in self._silent))
 
     def _is_known(self, scene: SceneId, position: int) -> bool:
         found = self._known(scene)
