@@ -273,7 +273,7 @@ def only_one_at_a_time() -> Iterator[None]:
         yield
 
 
-def bring_up(root: str, wanted: str, extras: List[str]) -> None:
+def bring_up(root: str, wanted: str, extras: List[str], kernels: bool) -> None:
     """Leave .venv complete and stamped, or raise Problem."""
     folder = os.path.join(root, ".venv")
     if os.path.lexists(folder):
@@ -298,7 +298,8 @@ def bring_up(root: str, wanted: str, extras: List[str]) -> None:
     pip_install(root, ["--no-build-isolation", "-e", ".[%s]" % ",".join(extras) if extras else "."])
     with open(stamp_path, "w", encoding="utf-8") as file:
         json.dump(stamp, file)
-    warm_kernels(root)
+    if kernels:
+        warm_kernels(root)
 
 
 def warm_kernels(root: str) -> None:
@@ -316,6 +317,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     parser.add_argument("--root", default=ROOT)
     parser.add_argument("--python", default="", help="use this Python and no other")
     parser.add_argument("--extras", default="", help="extras of pyproject.toml, separated by blanks")
+    parser.add_argument("--no-kernels", action="store_true", help="leave the render kernels to whoever uses them first")
     options = parser.parse_args(arguments)
     root, extras = os.path.abspath(options.root), options.extras.split()
     try:
@@ -323,7 +325,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         if not is_ready(root, options.python, extras):
             with only_one_at_a_time():
                 if not is_ready(root, options.python, extras):
-                    bring_up(root, options.python, extras)
+                    bring_up(root, options.python, extras, not options.no_kernels)
     except Problem as problem:
         print(" ".join(str(problem).split()))
         return 1
