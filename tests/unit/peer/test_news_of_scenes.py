@@ -30,6 +30,8 @@ class Peers:
     def __init__(self, silent: list[NodeId], header: SceneLogPublic) -> None:
         self.asked: list[NodeId] = []
         self.ended: list[NodeId] = []
+        self.slow: dict[NodeId, tuple[float, SceneLogPublic]] = {}
+        """Who answers only after so long, and with which header."""
         self._silent, self._header = silent, header
 
     def others(self) -> list[NodeId]:
@@ -41,8 +43,9 @@ class Peers:
             if member in self._silent:
                 await trio.sleep(timeout_s)
                 raise Unreachable("it does not answer")
-            await trio.sleep(0.01)
-            return RespondSceneLog(SceneLogAnswer(0, 2, self._header.position, self._header, None))
+            seconds, header = self.slow.get(member, (0.01, self._header))
+            await trio.sleep(seconds)
+            return RespondSceneLog(SceneLogAnswer(0, 2, header.position, header, None))
         finally:
             self.ended.append(member)
 
@@ -104,3 +107,32 @@ async def test_who_was_silent_is_asked_last_the_next_time(autojump_clock: MockCl
         assert rounds <= 4 and await node.pull.until(FIRST.scene, NEWER.position)
         await trio.sleep(MISS_S)
     assert len(set(peers.asked)) == len(others)
+
+
+DECIDES, *NOT = [NodeId(number) for number in range(1, 10)]
+"""Who decides the scene is asked first where that is known, and here by chance where it is not."""
+
+
+@pytest.mark.parametrize("known", [FIRST, None], ids=["known", "unknown"])
+async def test_a_slow_one_that_decides_is_heard_out(autojump_clock: MockClock, known: SceneLogPublic | None) -> None:
+    """Others show an old header meanwhile. Its word is waited for, and nobody pays for questions to all."""
+    peers = Peers([], FIRST)
+    peers.others = lambda: [DECIDES, *NOT]  # type: ignore[method-assign]
+    peers.slow[DECIDES] = 0.9, NEWER
+    node = Node(peers, known)
+    assert await node.pull.until(FIRST.scene, NEWER.position if known else 0, USER)
+    assert node.position == NEWER.position
+    assert known is None or len(peers.asked) <= ASKED_OF_KNOWN
+
+
+async def test_who_has_no_questions_left_still_hears_who_was_asked(autojump_clock: MockClock) -> None:
+    peers = Peers([], FIRST)
+    peers.others = lambda: [DECIDES, *NOT]  # type: ignore[method-assign]
+    peers.slow[DECIDES] = 0.9, NEWER
+    node = Node(peers, FIRST)
+    node.pull._begun.go_on = lambda *_given: False  # type: ignore[method-assign]
+    assert await node.pull.until(FIRST.scene, NEWER.position, USER)
+    assert node.position == NEWER.position and len(peers.asked) == ASKED_OF_KNOWN
+    peers.asked.clear()
+    assert not await node.pull.until(FIRST.scene, NEWER.position + 1, USER), "nobody has it, and not all were asked"
+    assert len(peers.asked) == ASKED_OF_KNOWN

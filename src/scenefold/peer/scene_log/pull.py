@@ -104,53 +104,60 @@ class Pull:
             self._silent.add(member)
             tell.send_nowait((member, await shown_by(self._peers, member, request)))
 
-        asked = under_way = 0
+        asked, was_cut, waiting = 0, False, set[NodeId]()
         async with trio.open_nursery() as nursery:
-            while (order or under_way) and clock.now() < until:
-                if order:
-                    if was_known and asked == ASKED_OF_KNOWN and not self._begun.go_on(sorted(begun.askers), members, clock.now()):
-                        # Nothing is noted as missed: for who has questions left the others are asked at once.
-                        nursery.cancel_scope.cancel()
-                        return False
+            while (order or waiting) and clock.now() < until:
+                # Of whom decides an answer may be on its way, with which nobody else need be asked.
+                may_ask = bool(order) and not (was_known and asked >= ASKED_OF_KNOWN and self._deciders(scene) & waiting)
+                if may_ask and was_known and asked == ASKED_OF_KNOWN:
+                    was_cut = not self._begun.go_on(sorted(begun.askers), members, clock.now())
+                    order = [] if was_cut else order
+                if may_ask and order:
+                    waiting.add(order[0])
                     nursery.start_soon(ask, order.pop(0))
                     asked += 1
-                    under_way += 1
                 answer = None
                 with trio.move_on_after(max(0.0, min(NEXT_S if order else math.inf, until - clock.now()))):
                     answer = await hear.receive()
                 if answer is None:
                     continue
-                under_way -= 1
                 member, public = answer
+                waiting.discard(member)
                 if public is not None:
                     self._silent.discard(member)
-                    is_new = self._known(scene) is None
                     await self._take(public, address_of(member))
-                    left = self._left_to_ask(order, member, scene, position, is_new=is_new)
+                    left = self._left_to_ask(order, waiting, member, scene, position, was_known=was_known)
                     if left is None:
                         break
                     order = left
             nursery.cancel_scope.cancel()
-        if self._is_known(scene, position):
-            return True
+        if self._is_known(scene, position) or was_cut:
+            # If it was cut, nothing is noted as missed: for who has questions left the others are asked at once.
+            return self._is_known(scene, position)
         if len(self._missed_at) > SCENES_KEPT_MAX:
             self._missed_at.clear()
         self._missed_at[scene] = self._world.clock.now()
         return True
 
-    def _left_to_ask(self, order: list[NodeId], member: NodeId, scene: SceneId, position: int, *, is_new: bool) -> list[NodeId] | None:
-        """Who is still to be asked, once a member's header was looked at; None: nobody, it is there. `is_new`: nothing of the scene was known before."""
-        found = self._known(scene)
-        if found is None:
+    def _left_to_ask(
+        self, order: list[NodeId], waiting: set[NodeId], member: NodeId, scene: SceneId, position: int, *, was_known: bool
+    ) -> list[NodeId] | None:
+        """Who is still to be asked, once a member's header was looked at; None: nobody, it is there. `waiting`: who may still answer."""
+        deciders = self._deciders(scene)
+        if not deciders:
             return order
-        deciders = deciding(found.public)
-        if is_new and deciders & {*order}:
+        if not was_known and member not in deciders and deciders & {*order, *waiting}:
             # It was decided, and may be old: who decides knows.
             return sorted(order, key=lambda other: other not in deciders)
         if self._is_known(scene, position):
             return None
         # Somebody claims too much, most likely. But it may have lost its disk.
         return order[:BEYOND_ORIGIN] if member in deciders else order
+
+    def _deciders(self, scene: SceneId) -> set[NodeId]:
+        """Of what is known of the scene; nobody, if that is nothing."""
+        known = self._known(scene)
+        return set() if known is None else set(deciding(known.public))
 
     def _in_order(self, known: KnownScene | None) -> list[NodeId]:
         """All others, first whoever decides the scene, and of these and of those first who answered the last time."""
