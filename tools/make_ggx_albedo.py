@@ -12,6 +12,8 @@ from __future__ import annotations
 import base64
 import math
 import textwrap
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +24,38 @@ ALPHA_MIN = 1e-3
 POINTS = 96
 
 
-def albedo(cosine: float, alpha: float, points: int = POINTS) -> tuple[float, float]:
-    """(E, B): what GGX reflects towards the cosine with a Fresnel term of 1, and with one of (1 - V.H)^5."""
-    node, weight = np.polynomial.legendre.leggauss(points)
+class Facets(NamedTuple):
+    """Visible normals on one side of the plane of incidence, and how much of the light each has."""
+
+    towards: F64
+    """Cosine between the viewer's direction and the normal."""
+    upwards: F64
+    """The normal's own cosine with that of the surface."""
+    weights: F64
+    alpha: float
+    hidden: float
+    """Smith's Lambda of the viewer's direction."""
+
+    def shares(self, height: F64) -> F64:
+        """What light that goes on at these cosines has of it: G2 / G1, by weight; 0 where it goes below the surface."""
+        leaves = height > 0
+        height = np.where(leaves, height, 1.0)
+        hidden = (np.sqrt(1 + self.alpha**2 * np.maximum(1 - height**2, 0) / height**2) - 1) / 2
+        found: F64 = np.where(leaves, (1 + self.hidden) / (1 + self.hidden + hidden), 0.0) * self.weights
+        return found
+
+
+@cache
+def _points(count: int) -> tuple[F64, F64, F64]:
+    node, weight = np.polynomial.legendre.leggauss(count)
     node, weight = (node + 1) / 2, weight / 2
     s, v = np.meshgrid(node, node, indexing="ij")
-    weights = np.outer(weight * 2 * (1 - node), weight)
-    radius, angle = np.sqrt(s * (2 - s)), np.pi * (v - 0.5)
+    return np.sqrt(s * (2 - s)), np.pi * (v - 0.5), np.outer(weight * 2 * (1 - node), weight)
+
+
+def facets_seen(cosine: float, alpha: float, points: int) -> Facets:
+    """From a direction of this cosine."""
+    radius, angle, weights = _points(points)
     x, z = math.sqrt(max(1 - cosine * cosine, 0.0)), cosine
     length = math.hypot(alpha * x, z)
     sx, sz = alpha * x / length, z / length
@@ -38,14 +65,14 @@ def albedo(cosine: float, alpha: float, points: int = POINTS) -> tuple[float, fl
     out = np.sqrt(np.maximum(1 - across**2 - up**2, 0))
     normal = np.stack([alpha * (out * sx - up * sz), alpha * across, np.maximum(up * sx + out * sz, 1e-12)])
     normal /= np.sqrt((normal**2).sum(axis=0))
-    towards = x * normal[0] + z * normal[2]
-    height = 2 * towards * normal[2] - z
-    leaves = height > 0
-    height = np.where(leaves, height, 1.0)
-    hidden_o = (math.sqrt(1 + (alpha * x / z) ** 2) - 1) / 2
-    hidden_i = (np.sqrt(1 + alpha**2 * np.maximum(1 - height**2, 0) / height**2) - 1) / 2
-    share = np.where(leaves, (1 + hidden_o) / (1 + hidden_o + hidden_i), 0.0) * weights
-    return float(share.sum()), float((share * np.clip(1 - towards, 0, 1) ** 5).sum())
+    return Facets(x * normal[0] + z * normal[2], normal[2], weights, alpha, (math.sqrt(1 + (alpha * x / z) ** 2) - 1) / 2)
+
+
+def albedo(cosine: float, alpha: float, points: int = POINTS) -> tuple[float, float]:
+    """(E, B): what GGX reflects towards the cosine with a Fresnel term of 1, and with one of (1 - V.H)^5."""
+    seen = facets_seen(cosine, alpha, points)
+    share = seen.shares(2 * seen.towards * seen.upwards - cosine)
+    return float(share.sum()), float((share * np.clip(1 - seen.towards, 0, 1) ** 5).sum())
 
 
 def table() -> npt.NDArray[np.uint32]:
