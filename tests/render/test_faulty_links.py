@@ -94,6 +94,31 @@ async def test_what_was_told_twice_is_not_counted_twice(room: Records, alone: st
     assert sum(node["rays_sent"] for node in state["nodes"]) == sum(node["rays_received"] for node in state["nodes"])
 
 
+async def test_what_is_ill_formed_does_not_count_nor_does_its_number(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before every packet of rays comes one of its number that is cut off."""
+
+    class Spoilt(FaultyPool):
+        async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
+            if isinstance(packet, SendRays) and packet.rays:
+                await super().carry(peer, node, replace(packet, rays=packet.rays[:-1]))
+            await super().carry(peer, node, packet)
+
+    monkeypatch.setattr("scenefold.render.rehearsal.pool.MemoryPool", Spoilt)
+    monkeypatch.setattr(round_trip, "RTO_S_MIN", 8.0)
+    async with memory_pool(offline_world(), room, 2) as pool:
+        image, state = await pool.render(JOB, OPTIONS)
+        assert sum("ill-formed" in str(error) for error in pool.complaints) >= sum(node["packets_sent"] for node in state["nodes"]) > 0
+    assert sha256_of(image) == alone
+    assert sum(node["packets_resent"] for node in state["nodes"]) == 0
+
+
+async def test_acknowledgements_ride_on_what_is_sent_back(room: Records, alone: str) -> None:
+    async with running(FaultyPool(offline_world(), room, 5)) as pool:
+        image, _ = await pool.render(JOB, replace(OPTIONS, moving=False))
+    assert sha256_of(image) == alone
+    assert pool.carried[AcknowledgeRays.__name__] < pool.carried[SendRays.__name__] / 2
+
+
 @pytest.mark.expect_log("1 of 2 nodes go on")
 @pytest.mark.parametrize("kind", [SendRays, AcknowledgeRays], ids=["rays", "acknowledgements"])
 @pytest.mark.parametrize("is_unreachable", [False, True], ids=["lost", "unreachable"])
@@ -105,6 +130,9 @@ async def test_a_link_that_is_not_mended_costs_the_node_that_does_not_organise(
     class Cut(FaultyPool):
         async def carry(self, peer: str, node: NodeId, packet: Packet) -> None:
             if not isinstance(packet, kind):
+                if isinstance(packet, SendRays):
+                    # Acknowledgements ride on it, too.
+                    packet = replace(packet, all_until=0, selective=b"")
                 await super().carry(peer, node, packet)
             elif is_unreachable:
                 raise Unreachable("the node does not answer")

@@ -14,11 +14,13 @@ from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.render.in_memory import RecordsInMemory, one_node_job
 from scenefold.render.job import RenderOptions
+from scenefold.render.passes import plan_of
 from scenefold.render.pool.company import ASK_S_MAX
 from scenefold.render.pool.organiser import Organiser
+from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import load_share, read_tables
-from scenefold.render.rehearsal.pool import SCENE_KEY, MemoryPool, Records, memory_pool, sha256_of
+from scenefold.render.rehearsal.pool import SCENE_KEY, Records, memory_pool, sha256_of
 from scenefold.scene.log import EpochKeys
 from scenefold.wire import (
     AcknowledgeRays,
@@ -31,6 +33,7 @@ from scenefold.wire import (
     MergeFilm,
     Packet,
     PassCounts,
+    RayBatch,
     SendRays,
     pack_value,
 )
@@ -142,20 +145,46 @@ async def test_a_scene_that_was_imported_anew_meanwhile_is_not_mixed_with_the_on
         await load_share(after, workers, before.job, 0)
 
 
-async def test_ill_formed_rays_are_refused(room: Records) -> None:
+LONG = RenderOptions(width=320, height=240, samples=255)
+"""Its last pass has fewer paths than a pass may have."""
+
+
+def _frame(
+    batches: tuple[RayBatch, ...] = (), rays: bytes = b"", *, sequence: int = 1, acknowledged: int = 0, closed: tuple[int, ...] = ()
+) -> SendRays:
+    return SendRays(71, 0, 0, sequence, acknowledged, b"", (), (), closed, batches, rays)
+
+
+ILL_FORMED = {
+    "less than a ray": _frame((RayBatch(0, 1, 1),), bytes(RAY_BYTES - 1)),
+    "fewer rays than its batches have": _frame((RayBatch(0, 1, 2),), bytes(RAY_BYTES)),
+    "rays of no batch": _frame((), bytes(RAY_BYTES)),
+    "no such pass": _frame((RayBatch(0, 1, 1), RayBatch(299, 1, 1)), bytes(2 * RAY_BYTES)),
+    "no such path": _frame((RayBatch(298, 1, 1),), b"\xff" * RAY_BYTES),
+    "no such number": _frame(sequence=1 << 40),
+    "no such packet": _frame(acknowledged=1 << 40),
+    "no such pass to close": _frame(closed=(299,)),
+}
+
+
+@pytest.mark.parametrize("packet", ILL_FORMED.values(), ids=ILL_FORMED)
+async def test_what_is_ill_formed_is_refused(packet: SendRays, room: Records) -> None:
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(71, RenderOptions(width=320, height=240, samples=256))
+        owner = await pool.start(71, LONG)
         await pool.until(71, owner, "rendering")
-        for size, number in ((RAY_BYTES - 1, 0), (RAY_BYTES, 10_000)):
-            with pytest.raises(PeerFault):
-                await _send_rays(pool, size, number)
+        with pytest.raises(PeerFault):
+            await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], packet)
+        assert (await pool.state(71, owner))["phase"] == "rendering"
 
 
-async def _send_rays(pool: MemoryPool, size: int, number: int) -> None:
-    packet = SendRays(
-        job=71, frame=0, pass_index=number, attempt=0, partition_epoch=1, link_sequence=1, render_location=(), count=1, rays=bytes(size)
-    )
-    await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], packet)
+async def test_a_pass_is_closed_by_nobody_but_its_owner(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(71, LONG)
+        await pool.until(71, owner, "rendering")
+        not_its_own = next(number for number in range(299) if pass_owner(plan_of(71, 320 * 240, 255, None), number, 2) == 0)
+        with pytest.raises(Refused) as caught:
+            await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], _frame(closed=(not_its_own,)))
+        assert caught.value.reason is RejectReason.NOT_AUTHORISED
 
 
 async def test_users_may_not_speak_as_nodes(room: Records) -> None:
@@ -228,9 +257,8 @@ async def test_a_chosen_node_that_has_left_is_passed_over(room: Records) -> None
         MergeFilm(job=86, gathering=1),
         FilmPart(job=86, gathering=1, part_index=0, part_count=1, payload=b""),
         JobEvent(job=86, document=pack_value({"go": True})),
-        PassCounts(job=86, pass_index=0, attempt=0, created=1, retired=1, sent=0, received=0, link_sequence=1),
         AcknowledgeRays(job=86, attempt=0, all_until=0, selective=b""),
-        SendRays(job=86, frame=0, pass_index=0, attempt=0, partition_epoch=1, link_sequence=1, render_location=(), count=0, rays=b""),
+        SendRays(86, 0, 0, 1, 0, b"", (), (PassCounts(0, 1, 1, 0, 0),), (0,), (RayBatch(0, 1, 1),), bytes(RAY_BYTES)),
     ],
     ids=lambda packet: type(packet).__name__,
 )

@@ -39,7 +39,6 @@ from scenefold.wire import (
     JobState,
     MergeFilm,
     Packet,
-    PassCounts,
     PassSums,
     RecordBytes,
     RecordKey,
@@ -64,7 +63,7 @@ READS_AT_A_TIME = 3
 
 
 ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart)
-ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, PassCounts, CollectPass, PassSums, MergeFilm)
+ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, CollectPass, PassSums, MergeFilm)
 
 
 class RenderExtension:

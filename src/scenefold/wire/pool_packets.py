@@ -1,4 +1,4 @@
-"""Packets 19 to 23, and 46: render pools and the rays that their nodes pass on (thesis C.5, C.6)."""
+"""Packets 19 to 23, and 46: render pools, and what their nodes tell each other while they trace (thesis C.5, C.6; specs/30-ray-links.md)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import ClassVar
 from scenefold.base.limits import BULK_BYTES_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import F64, REASON, U32, U64, Carrier, Packet, row
-from scenefold.wire.containers import Many
-from scenefold.wire.kinds import Bin
+from scenefold.wire.containers import Many, Struct
+from scenefold.wire.kinds import Bin, Uint
 
 SELECTIVE_BYTES_MAX = 32
+ITEMS_MAX = 1024
+"""Batches of a packet, and passes whose counts it tells, and passes that it says are closed."""
 RENDER_LOCATION = Many(F64, counts=(0, 1, 3))
 
 
@@ -44,22 +46,44 @@ class RejectPoolJoin(Packet):
 
 
 @dataclass(frozen=True, slots=True)
+class RayBatch:
+    """So many of a packet's rays, behind those of the batches before, are of this pass and were addressed by the partition of this epoch."""
+
+    pass_index: int
+    partition_epoch: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class PassCounts:
+    """A node's ledger of one pass: rays created and retired there, sent to and received from others."""
+
+    pass_index: int
+    created: int
+    retired: int
+    sent: int
+    received: int
+
+
+@dataclass(frozen=True, slots=True)
 class SendRays(Packet):
-    """A batch of rays of one pass: `count` records in `rays`, packed by the renderer.
+    """All that a node has to say to another one of a job: rays, packed by the renderer; counts of the receiver's passes; passes of its own that are closed.
 
     `render_location` is where the sender's cell has its site: one or three coordinates, or none where the
-    partition has no sites.
+    partition has no sites. `all_until` and `selective`: as in AcknowledgeRays, of the other direction.
     """
 
     TYPE: ClassVar[int] = 23
     job: int
     frame: int
-    pass_index: int
     attempt: int
-    partition_epoch: int
     link_sequence: int
+    all_until: int
+    selective: bytes
     render_location: tuple[float, ...]
-    count: int
+    counts: tuple[PassCounts, ...]
+    closed: tuple[int, ...]
+    batches: tuple[RayBatch, ...]
     rays: bytes
 
 
@@ -74,6 +98,10 @@ class AcknowledgeRays(Packet):
     selective: bytes
 
 
+RAY_BATCH = Struct(RayBatch, ("pass_index", U32), ("partition_epoch", U64), ("count", Uint(32, least=1)))
+PASS_COUNTS = Struct(PassCounts, ("pass_index", U32), ("created", U64), ("retired", U64), ("sent", U64), ("received", U64))
+STRUCTS = (RAY_BATCH, PASS_COUNTS)
+
 ROWS = (
     row(RequestLocalPoolJoin, Carrier.UDP_HIGH, ("scene_frame", U64)),
     row(RequestRemotePoolJoin, Carrier.UDP_HIGH, ("render_pool", U32), ("scene_frame", U64)),
@@ -84,12 +112,14 @@ ROWS = (
         Carrier.BOTH_LOW,
         ("job", U64),
         ("frame", U32),
-        ("pass_index", U32),
         ("attempt", U64),
-        ("partition_epoch", U64),
-        ("link_sequence", U64),
+        ("link_sequence", Uint(64, least=1)),
+        ("all_until", U64),
+        ("selective", Bin(SELECTIVE_BYTES_MAX)),
         ("render_location", RENDER_LOCATION),
-        ("count", U32),
+        ("counts", Many(PASS_COUNTS, ITEMS_MAX)),
+        ("closed", Many(U32, ITEMS_MAX)),
+        ("batches", Many(RAY_BATCH, ITEMS_MAX)),
         ("rays", Bin(BULK_BYTES_MAX)),
     ),
     row(

@@ -1,4 +1,4 @@
-"""Packets 48 to 60, and 126: jobs, their passes and their images (design of the renderer; not in the thesis).
+"""Packets 48 to 51, 53 to 60, and 126: jobs, their passes and their images (design of the renderer; not in the thesis).
 
 Documents are maps that the sender packed with `pack_value`; they stay bytes here, because what is in them is
 the renderer's business, and because a job's hash is the hash of these bytes.
@@ -47,21 +47,6 @@ class JobStateReply(Packet):
     TYPE: ClassVar[int] = 51
     job: int
     document: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class PassCounts(Packet):
-    """A node's ledger of one pass: rays created and retired here, sent to and received from others."""
-
-    TYPE: ClassVar[int] = 52
-    job: int
-    pass_index: int
-    attempt: int
-    created: int
-    retired: int
-    sent: int
-    received: int
-    link_sequence: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +152,6 @@ ROWS = (
     row(JobAnswer, Carrier.TCP_LOW, _JOB, ("reason", REASON_OR_0), ("text", MESSAGE)),
     row(JobState, Carrier.TCP_LOW, _JOB),
     row(JobStateReply, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
-    row(PassCounts, Carrier.TCP_LOW, *_PASS, *_LEDGER, ("link_sequence", U64)),
     row(CollectPass, Carrier.TCP_LOW, *_PASS),
     row(PassSums, Carrier.TCP_LOW, *_PASS, *_LEDGER, *_SHARE, law=_COUNTED),
     row(MergeFilm, Carrier.TCP_LOW, _JOB, ("gathering", U64)),

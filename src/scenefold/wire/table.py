@@ -74,6 +74,7 @@ RESERVED: dict[int, str] = {
     31: "of the thesis's range",
     45: "PurgeRecord, which became 102",
     47: "WatchEvents",
+    52: "PassCounts, which rides in 23 now",
     61: "TerminationToken",
     62: "FetchGeometry",
     63: "GeometryPart",
@@ -102,6 +103,7 @@ STRUCTS = (
     *render_settings.STRUCTS,
     *log_snapshots.STRUCTS,
     *orders.STRUCTS,
+    *pool_packets.STRUCTS,
 )
 """What stands inside packets as an array of its own."""
 

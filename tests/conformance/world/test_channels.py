@@ -48,12 +48,14 @@ def rays(size: int, count: int = 0) -> SendRays:
         mini_status=None,
         job=1,
         frame=0,
-        pass_index=0,
         attempt=0,
-        partition_epoch=0,
-        link_sequence=0,
+        link_sequence=1 + count,
+        all_until=0,
+        selective=b"",
         render_location=(),
-        count=count,
+        counts=(),
+        closed=(),
+        batches=(),
         rays=bytes(size),
     )
 
@@ -269,7 +271,7 @@ async def test_packets_without_an_answer_arrive_before_an_orderly_end(worlds: Wo
 
     async def take(packet: Packet, _peer: str) -> None:
         assert isinstance(packet, SendRays)
-        received.append(packet.count)
+        received.append(packet.link_sequence - 1)
         if len(received) == 100:
             all_here.set()
 

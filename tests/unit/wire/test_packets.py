@@ -22,6 +22,7 @@ from scenefold.wire import (
     PutItem,
     PutMany,
     QueryRange,
+    RayBatch,
     RequestState,
     ReturnRange,
     SendRays,
@@ -74,7 +75,7 @@ def test_packets_are_frozen_and_slotted() -> None:
 
 @given(st.sampled_from([bytearray, memoryview]))
 def test_any_buffer_can_be_sent(buffer: type) -> None:
-    packet = SendRays(1, 2, 3, 4, 5, 6, (0.5,), 1, buffer(b"r" * 36))
+    packet = SendRays(1, 2, 3, 4, 5, b"", (0.5,), (), (), (RayBatch(6, 7, 1),), buffer(b"r" * 36))
     assert decode_packet(encode_packet(packet)) == dataclasses.replace(packet, rays=b"r" * 36)
 
 
@@ -97,9 +98,11 @@ def test_any_buffer_can_be_sent(buffer: type) -> None:
         (PutMany(item for item in ()), "PutMany.items"),
         (ProposeData(1, 1, FIRST, b"s" * 64, b"", b"x" * (CIPHERTEXT_BYTES_MAX + 1)), "ProposeData.ciphertext"),
         (ReturnRange(1, 1, FIRST, LAST, (FIRST,) * 65537), "ReturnRange.locations"),
-        (SendRays(1, 2, 3, 4, 5, 6, (1.0, 2.0), 0, b""), "SendRays.render_location"),
-        (SendRays(1, 2, 3, 4, 5, 6, (float("inf"),), 0, b""), "SendRays.render_location[0]"),
-        (SendRays(1, 2, 3, 4, 5, 6, (1,), 0, b""), "SendRays.render_location[0]"),
+        (SendRays(1, 2, 3, 4, 5, b"", (1.0, 2.0), (), (), (), b""), "SendRays.render_location"),
+        (SendRays(1, 2, 3, 4, 5, b"", (float("inf"),), (), (), (), b""), "SendRays.render_location[0]"),
+        (SendRays(1, 2, 3, 4, 5, b"", (1,), (), (), (), b""), "SendRays.render_location[0]"),
+        (SendRays(1, 2, 3, 0, 5, b"", (), (), (), (), b""), "SendRays.link_sequence"),
+        (SendRays(1, 2, 3, 4, 5, b"", (), (), (), (RayBatch(6, 7, 0),), b""), "SendRays.batches[0].count"),
         (QueryRange(1, 1, LAST, FIRST), "QueryRange"),
         (FilmPart(1, 0, 1, 1, b""), "FilmPart"),
         (StartJob(1, "text"), "StartJob.document"),

@@ -87,7 +87,7 @@ QUESTION = encode_frame(RequestPublicKey(request_id=1, mini_status=None, key=7))
 
 
 def large(size: int) -> bytes:
-    return encode_frame(SendRays(1, 0, 0, 0, 0, 0, (), 0, bytes(size), request_id=1))
+    return encode_frame(SendRays(1, 0, 0, 1, 0, b"", (), (), (), (), bytes(size), request_id=1))
 
 
 @pytest.fixture

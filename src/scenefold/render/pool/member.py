@@ -12,7 +12,7 @@ With an attempt all of this goes, but for films and statistics (specs/31-attempt
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from functools import partial
 
 import numpy as np
@@ -20,25 +20,26 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import address_of
-from scenefold.base.rays import RAY_BYTES, RAY_WORDS
+from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.render.arrays import U32
-from scenefold.render.contract import Tracer
+from scenefold.render.contract import Advanced, Tracer
 from scenefold.render.film import EVERY_ROW, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.films import Summed
+from scenefold.render.pool.incoming import batches_of
 from scenefold.render.pool.lasting import Lasting
 from scenefold.render.pool.links.link import Link
 from scenefold.render.pool.links.sender import GIVE_UP_S
-from scenefold.render.pool.outbox import SMALL_BYTES
-from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner, sequence_of
+from scenefold.render.pool.outbox import Batch, frame_size
+from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.work import Work, WorkQueue
-from scenefold.wire import AcknowledgeRays, CollectPass, Packet, PassCounts, PassSums, SendRays
+from scenefold.wire import AcknowledgeRays, CollectPass, Packet, PassSums, SendRays
 from scenefold.world import World, leaves
 
 COLLECT_S_MAX = 120.0
@@ -97,31 +98,34 @@ class Member:
     # What other nodes tell us --------------------------------------------------------------------------------
 
     def on_rays(self, node: int, packet: SendRays) -> None:
-        """Rays that flew into this node's cell, unless they came before. PeerFault if the packet is ill-formed."""
-        number = packet.pass_index
-        if len(packet.rays) != packet.count * RAY_BYTES or number >= self._plan.count:
-            raise PeerFault("a packet of rays is ill-formed", where=f"pass {number}, {len(packet.rays)} bytes")
-        rays = np.frombuffer(packet.rays, np.uint32).reshape(-1, RAY_WORDS)
-        paths = rays[:, 7] >> np.uint32(16)
-        if len(rays) and int(paths.max()) >= self._plan.size(number):
-            raise PeerFault("a ray belongs to a path that its pass does not have", where=f"pass {number}")
-        if not self._link(node).counts(packet.link_sequence, SMALL_BYTES + len(packet.rays)):
+        """What another node has to say, unless it came before: rays that flew into this node's cell, counts of our passes, closed ones of its own.
+
+        PeerFault if the packet is ill-formed, Refused if it is not for that node to say.
+        """
+        link, batches = self._link(node), batches_of(packet, self._plan)
+        closed = [closed_pass(self._plan, len(self._roster.nodes), node, number) for number in packet.closed]
+        link.acknowledged(packet.all_until, packet.selective)
+        count = len(packet.rays) // RAY_BYTES
+        if not link.counts(packet.link_sequence, frame_size(count, len(packet.counts))):
             return
-        self._count(number, Counts(received=len(rays)))
-        self.statistics.rays_received += len(rays)
-        if packet.partition_epoch > self._cell.partition.epoch:
-            self.on_newer(packet.partition_epoch)
-        if packet.partition_epoch == self._cell.partition.epoch:
-            self._queue.put(number, rays)
+        for batch in batches:
+            self._take(batch)
+        self.statistics.rays_received += count
+        for told in packet.counts:
+            self._report(node, told.pass_index, Counts(told.created, told.retired, told.sent, told.received))
+        for number in closed:
+            self._forget(number)
+
+    def _take(self, batch: Batch) -> None:
+        self._count(batch.number, Counts(received=len(batch.rays)))
+        if batch.epoch > self._cell.partition.epoch:
+            self.on_newer(batch.epoch)
+        if batch.epoch == self._cell.partition.epoch:
+            self._queue.put(batch.number, batch.rays)
             self._wake()
         else:
-            self._queue.lend(number)
-            self._stray(Work(number, rays))
-
-    def on_counts(self, node: int, packet: PassCounts) -> None:
-        """Another node's counts of one of our passes."""
-        self._link(node).counts(packet.link_sequence, SMALL_BYTES)
-        self._report(node, packet.pass_index, Counts(packet.created, packet.retired, packet.sent, packet.received))
+            self._queue.lend(batch.number)
+            self._stray(Work(batch.number, batch.rays))
 
     async def on_collect(self, packet: CollectPass) -> PassSums:
         """The owner of a pass takes its second reading. PeerFault for a pass that the job does not have."""
@@ -143,12 +147,6 @@ class Member:
             payload=payload,
         )
 
-    def on_closed(self, node: int, number: object, link_sequence: object) -> None:
-        """A pass was closed by its owner: what we kept for it may go. PeerFault or Refused if another says so."""
-        closed, sequence = closed_pass(self._plan, len(self._roster.nodes), node, number), sequence_of(link_sequence)
-        if self._link(node).counts(sequence, SMALL_BYTES):
-            self._forget(closed)
-
     async def on_copy(self, node: int, packet: PassSums) -> None:
         """A pass that another node has closed, to be kept for it, one at a time. PeerFault or Refused if it is not that node's, or not ours to keep."""
         number = closed_pass(self._plan, len(self._roster.nodes), node, packet.pass_index)
@@ -164,7 +162,7 @@ class Member:
 
     def on_acknowledged(self, node: int, packet: AcknowledgeRays) -> None:
         """What we sent to another node has come. PeerFault if it was never sent."""
-        self._link(node).acknowledged(packet)
+        self._link(node).acknowledged(packet.all_until, packet.selective)
 
     def _link(self, node: int) -> Link:
         link = self._links.get(node)
@@ -287,26 +285,30 @@ class Member:
             if self._own.may_open() and len(self._queue) < QUEUE_RAYS_ENOUGH and not self._opening:
                 await self._open_pass(cell, thread)
                 continue
-            work = self._queue.take()
-            if work is None:
+            taken = self._queue.take_some()
+            if not taken:
                 for link in self._links.values():
                     link.hurry()
                 changed = self._changed
                 await changed.wait()
                 continue
-            sums = self._sums_of(work.number, thread)
+            batches = [(work.rays, self._plan.first_path(work.number), self._sums_of(work.number, thread)) for work in taken]
             begun = clock.now()
             with cell.at_work():
-                outcome = await workers.run(LANE, cell.tracers[thread].advance, work.rays, self._plan.first_path(work.number), sums)
+                outcomes = await workers.run(LANE, _advanced, cell.tracers[thread], batches)
             self.statistics.busy_seconds += clock.now() - begun
-            self.statistics.casts += outcome.casts
-            self.statistics.shadow_casts += outcome.shadow_casts
-            if outcome.hits is not None and self._job.moves:
-                self.hits.add(outcome.hits, outcome.hit_count)
-            sent = self._dispatch(cell, work.number, outcome.leaving)
-            self._count(work.number, Counts(created=outcome.created, retired=outcome.retired, sent=sent))
-            if self._queue.done(work.number):
-                self._tell(work.number)
+            for work, outcome in zip(taken, outcomes, strict=True):
+                self._traced(cell, work.number, outcome)
+
+    def _traced(self, cell: Cell, number: int, outcome: Advanced) -> None:
+        self.statistics.casts += outcome.casts
+        self.statistics.shadow_casts += outcome.shadow_casts
+        if outcome.hits is not None and self._job.moves:
+            self.hits.add(outcome.hits, outcome.hit_count)
+        sent = self._dispatch(cell, number, outcome.leaving)
+        self._count(number, Counts(created=outcome.created, retired=outcome.retired, sent=sent))
+        if self._queue.done(number):
+            self._tell(number)
 
     async def _open_pass(self, cell: Cell, thread: int) -> None:
         self._opening = True
@@ -481,3 +483,8 @@ class Member:
     def _forget(self, number: int) -> None:
         for kept in (self._sums, self._counts, self._reported):
             kept.pop(number, None)
+
+
+def _advanced(tracer: Tracer, batches: Sequence[tuple[U32, int, Sums]]) -> list[Advanced]:
+    """Of each batch: its rays, the first path of its pass, the sums of this. In a worker: one hand-over for all."""
+    return [tracer.advance(*batch) for batch in batches]

@@ -1,14 +1,17 @@
 """What waits to be sent to one other node of a job: rays by pass, the counts of passes, and which are closed. Pure.
 
-Rays linger for a moment, or until there are enough for a large frame, or until their node has nothing else to do
-(`hurry`): a frame costs what a thousand rays cost to trace, however small it is. While a frame is on its way, or
-waits for credit, rays that come after it are gathered too.
+All of it leaves together, in one frame: a frame costs what a thousand rays cost to trace, however small it is. So it
+lingers for a moment, or until there are enough rays, or until its node has nothing else to do (`hurry`), but even then
+for long enough that a few rays do not go to and fro in frames of their own. While a frame is on its way, or waits for
+credit, what comes after it is gathered too.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -16,36 +19,49 @@ from scenefold.base.rays import RAY_BYTES
 from scenefold.render.arrays import U32
 from scenefold.render.ledger import Counts
 
-FRAME_RAYS_MAX = 16_384
-"""576 KiB of rays in a frame."""
-FRAME_RAYS_ENOUGH = 4_096
+FRAME_RAYS_MAX = 32_768
+"""1,152 KiB of rays in a frame."""
+FRAME_RAYS_ENOUGH = 12_288
 """So many waiting rays leave at once."""
-LINGER_S = 0.02
-SMALL_BYTES = 256
-"""What a packet without rays counts as."""
+FRAME_ITEMS_MAX = 1_024
+"""Batches of rays in a frame, passes whose counts it tells, and passes that are closed."""
+LINGER_S = 0.05
+HURRIED_S = 0.02
+"""From one frame to the next that leaves only because its node has nothing else to do."""
+FRAME_BYTES = 256
+"""What a frame counts as, beside its rays,"""
+COUNTS_BYTES = 32
+"""and the counts of a pass in it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Rays:
+class Batch:
     """Rays of one pass, u32[n, RAY_WORDS], addressed by the partition of an epoch."""
 
     epoch: int
     number: int
     rays: U32
 
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What leaves at a time."""
+
+    batches: list[Batch]
+    counts: list[tuple[int, Counts]]
+    """Of passes, for their owner."""
+    closed: list[int]
+    """Passes of this node."""
+
     @property
     def size(self) -> int:
         """Bytes, about."""
-        return SMALL_BYTES + RAY_BYTES * len(self.rays)
+        return frame_size(sum(len(batch.rays) for batch in self.batches), len(self.counts))
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
-    """Counts of a pass for its owner; or none, from its owner: it is closed."""
-
-    number: int
-    counts: Counts | None
-    size: int = SMALL_BYTES
+def frame_size(rays: int, counts: int) -> int:
+    """What a frame of so many rays, and so many passes' counts, takes of a link's credit, in bytes."""
+    return FRAME_BYTES + COUNTS_BYTES * counts + RAY_BYTES * rays
 
 
 class PeerOutbox:
@@ -58,6 +74,7 @@ class PeerOutbox:
         self._closed: deque[int] = deque()
         self._waiting = 0
         self._since: float | None = None
+        self._left_at = -math.inf
         self._is_ripe = False
         self._hurries = False
 
@@ -65,7 +82,7 @@ class PeerOutbox:
         """Queue rays of a pass that are addressed by the partition of this epoch."""
         self._rays.setdefault((epoch, number), []).append(rays)
         self._waiting += len(rays)
-        self._hurries = self._hurries or self._waiting >= FRAME_RAYS_ENOUGH
+        self._is_ripe = self._is_ripe or self._waiting >= FRAME_RAYS_ENOUGH
         self._begin(now)
 
     def put_counts(self, number: int, counts: Counts, now: float) -> None:
@@ -80,36 +97,47 @@ class PeerOutbox:
 
     def hurry(self) -> None:
         """Whoever fills this box has nothing else to do: send what there is."""
-        self._hurries = True
+        self._hurries = self._since is not None
 
     def ripe_at(self) -> float | None:
         """From when on something leaves; None as long as nothing waits."""
         if self._since is None:
             return None
-        return self._since if self._is_ripe or self._hurries else self._since + LINGER_S
+        if self._is_ripe:
+            return self._since
+        lingered = self._since + LINGER_S
+        return min(lingered, max(self._since, self._left_at + HURRIED_S)) if self._hurries else lingered
 
-    def next(self) -> Rays | Told | None:
-        """What leaves next, all that is ripe being taken one by one; None if nothing is left. Small ones go before rays."""
-        self._is_ripe, self._hurries = True, False
-        if self._closed:
-            return Told(self._closed.popleft(), None)
-        if self._counts:
-            number = next(iter(self._counts))
-            return Told(number, self._counts.pop(number))
-        if self._rays:
-            return self._next_rays()
-        self._since, self._is_ripe = None, False
-        return None
+    def next(self, now: float) -> Frame | None:
+        """What leaves now, all that is ripe in one frame, or several if it is too much for one; None if nothing is left."""
+        if self._since is None:
+            return None
+        self._is_ripe, self._hurries, self._left_at = True, False, now
+        counts = list(islice(self._counts.items(), FRAME_ITEMS_MAX))
+        for number, _ in counts:
+            del self._counts[number]
+        closed = [self._closed.popleft() for _ in range(min(len(self._closed), FRAME_ITEMS_MAX))]
+        frame = Frame(self._next_batches(), counts, closed)
+        if not (self._rays or self._counts or self._closed):
+            self._since, self._is_ripe = None, False
+        return frame
 
-    def _next_rays(self) -> Rays:
-        epoch, number = due = min(self._rays)
-        batches = self._rays.pop(due)
-        rays = batches[0] if len(batches) == 1 else np.concatenate(batches)
-        if len(rays) > FRAME_RAYS_MAX:
-            self._rays[due] = [rays[FRAME_RAYS_MAX:]]
-            rays = rays[:FRAME_RAYS_MAX]
-        self._waiting -= len(rays)
-        return Rays(epoch, number, rays)
+    def _next_batches(self) -> list[Batch]:
+        """Of old epochs and passes first."""
+        batches: list[Batch] = []
+        room = FRAME_RAYS_MAX
+        for due in sorted(self._rays):
+            if not room or len(batches) == FRAME_ITEMS_MAX:
+                break
+            arrays = self._rays.pop(due)
+            rays = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+            if len(rays) > room:
+                self._rays[due] = [rays[room:]]
+                rays = rays[:room]
+            room -= len(rays)
+            batches.append(Batch(*due, rays))
+        self._waiting -= FRAME_RAYS_MAX - room
+        return batches
 
     def _begin(self, now: float) -> None:
         if self._since is None:

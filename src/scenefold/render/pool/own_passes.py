@@ -28,20 +28,13 @@ def owner_index(location: Location, nodes: int) -> int:
     return next(index for index, arc in enumerate(arcs_between(even_right_bounds(nodes))) if location in arc)
 
 
-def closed_pass(plan: PassPlan, nodes: int, node: int, number: object) -> int:
+def closed_pass(plan: PassPlan, nodes: int, node: int, number: int) -> int:
     """The pass that the job's node of an index says is closed; PeerFault if there is none, Refused (12) if it is another node's."""
-    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < plan.count:
-        raise PeerFault("the job has no such pass", where=f"pass {number!r:.40}")
+    if number >= plan.count:
+        raise PeerFault("the job has no such pass", where=f"pass {number}")
     if pass_owner(plan, number, nodes) != node:
         raise Refused(RejectReason.NOT_AUTHORISED, "a pass is closed by another node", where=f"pass {number}, node {node} of the job")
     return number
-
-
-def sequence_of(value: object) -> int:
-    """The number that a packet has on its link; PeerFault if it is none."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise PeerFault("a packet has no number on its link", where=f"{value!r:.40}")
-    return value
 
 
 class OwnPasses:

@@ -32,7 +32,7 @@ from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
-from scenefold.wire import AcknowledgeRays, CollectPass, JobAnswer, Packet, PassCounts, PassSums, SendRays, Value
+from scenefold.wire import AcknowledgeRays, CollectPass, JobAnswer, Packet, PassSums, SendRays, Value
 from scenefold.world import DiskFailed, QuietLog
 
 _log = logging.getLogger("scenefold.render.pool")
@@ -250,7 +250,7 @@ class Part:
         return self.member(), self.place_of(node)
 
     def on_rays(self, node: NodeId, packet: SendRays) -> None:
-        """See `Member`; so the next four."""
+        """See `Member`; so the next three. Refused (16) if it is of another attempt."""
         member, place = self._in_attempt(node, packet.attempt)
         member.on_rays(place, packet)
 
@@ -258,16 +258,6 @@ class Part:
         """Refused (16) if it is of another attempt."""
         member, place = self._in_attempt(node, packet.attempt)
         member.on_acknowledged(place, packet)
-
-    def on_counts(self, node: NodeId, packet: PassCounts) -> None:
-        """Refused (16) if it is of another attempt."""
-        member, place = self._in_attempt(node, packet.attempt)
-        member.on_counts(place, packet)
-
-    def on_closed(self, node: NodeId, document: dict[str, Any]) -> None:
-        """Refused (16) if it is of another attempt."""
-        member, place = self._in_attempt(node, _count_of(document.get("attempt")))
-        member.on_closed(place, document["closed"], document.get("link_sequence"))
 
     async def on_collect(self, node: NodeId, packet: CollectPass) -> PassSums:
         """Refused (16) if it is of another attempt."""

@@ -38,7 +38,6 @@ from scenefold.wire import (
     JobState,
     JobStateReply,
     MergeFilm,
-    PassCounts,
     PassSums,
     SendRays,
     StartJob,
@@ -88,7 +87,6 @@ class RenderService:
         host.handle(JobEvent, self._on_event, nodes_only=True)
         host.handle(SendRays, self._on_rays, nodes_only=True)
         host.handle(AcknowledgeRays, self._on_acknowledged, nodes_only=True)
-        host.handle(PassCounts, self._on_counts, nodes_only=True)
         host.handle(CollectPass, self._on_collect, nodes_only=True)
         host.handle(PassSums, self._on_copy, nodes_only=True)
         host.handle(MergeFilm, self._on_merge, nodes_only=True)
@@ -226,9 +224,7 @@ class RenderService:
     async def _on_event(self, packet: JobEvent, peer: str) -> JobAnswer:
         part, node = self._part_with(packet.job, peer)
         document = unpack_value(packet.document, what="a job's event")
-        if isinstance(document, dict) and "closed" in document:
-            part.on_closed(node, document)
-        elif isinstance(document, dict):
+        if isinstance(document, dict):
             self._check_organiser(packet.job, peer)
             try:
                 await _obey(part, node, document)
@@ -245,10 +241,6 @@ class RenderService:
     async def _on_acknowledged(self, packet: AcknowledgeRays, peer: str) -> None:
         part, node = self._part_with(packet.job, peer)
         part.on_acknowledged(node, packet)
-
-    async def _on_counts(self, packet: PassCounts, peer: str) -> None:
-        part, node = self._part_with(packet.job, peer)
-        part.on_counts(node, packet)
 
     async def _on_collect(self, packet: CollectPass, peer: str) -> PassSums:
         part, node = self._part_with(packet.job, peer)

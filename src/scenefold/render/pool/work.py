@@ -59,6 +59,17 @@ class WorkQueue:
             drained.append(work)
         return drained
 
+    def take_some(self) -> list[Work]:
+        """Rays of those passes of which most wait, largest heaps first, as many as a tracer gets at a time. Each pass is busy until `done`."""
+        taken: list[Work] = []
+        room = TAKE_RAYS_MAX
+        while self._waiting and (not taken or max(self._sizes.values()) <= room):
+            work = self.take()
+            assert work is not None
+            taken.append(work)
+            room -= len(work.rays)
+        return taken
+
     def take(self) -> Work | None:
         """Rays of the pass of which most wait, or None. The pass is busy until `done`."""
         if not self._waiting:

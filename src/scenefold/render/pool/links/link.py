@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 
 import trio
 
@@ -14,16 +14,9 @@ from scenefold.render.job import Job
 from scenefold.render.ledger import Counts
 from scenefold.render.pool.links.receiver import Receiver
 from scenefold.render.pool.links.sender import GIVE_UP_S, Sender
-from scenefold.render.pool.outbox import PeerOutbox, Rays, Told
-from scenefold.wire import AcknowledgeRays, JobEvent, Packet, PassCounts, SendRays, Value, pack_value
+from scenefold.render.pool.outbox import Frame, PeerOutbox
+from scenefold.wire import AcknowledgeRays, Packet, PassCounts, RayBatch, SendRays
 from scenefold.world import Clock
-
-
-@dataclass(frozen=True, slots=True)
-class _Sent:
-    packet: Packet
-    closed: int | None
-    """The pass that is closed, if that is what it says."""
 
 
 class Link:
@@ -36,54 +29,69 @@ class Link:
         self._job, self._attempt, self._where = job, attempt, where
         self._clock, self._send, self._told = clock, send, told
         self._outbox = PeerOutbox()
-        self._head: Rays | Told | None = None
+        self._head: Frame | None = None
         """What waits for credit."""
-        self._sender: Sender[_Sent] = Sender()
+        self._sender: Sender[SendRays] = Sender()
         self._receiver = Receiver()
         self._stirred = trio.Event()
         self._to_acknowledge = trio.Event()
         self.packets_sent = 0
-        """Of rays, those that were sent again left out."""
+        """With rays, those that were sent again left out."""
         self.packets_resent = 0
         """Of all kinds."""
         self.acknowledgements_sent = 0
+        """That rode on nothing."""
 
     # What this node says -------------------------------------------------------------------------------------
 
     def put_rays(self, epoch: int, number: int, rays: U32) -> None:
         """Rays of a pass, u32[n, RAY_WORDS], addressed by the partition of an epoch."""
-        self._outbox.put_rays(epoch, number, rays, self._clock.now())
-        self._stir()
+        with self._filling():
+            self._outbox.put_rays(epoch, number, rays, self._clock.now())
 
     def put_counts(self, number: int, counts: Counts) -> None:
         """Counts of a pass, for its owner."""
-        self._outbox.put_counts(number, counts, self._clock.now())
-        self._stir()
+        with self._filling():
+            self._outbox.put_counts(number, counts, self._clock.now())
 
     def put_closed(self, number: int) -> None:
         """A pass of this node is closed."""
-        self._outbox.put_closed(number, self._clock.now())
-        self._stir()
+        with self._filling():
+            self._outbox.put_closed(number, self._clock.now())
 
     def hurry(self) -> None:
         """This node has nothing else to do: send what there is."""
-        self._outbox.hurry()
-        self._stir()
+        with self._filling():
+            self._outbox.hurry()
+
+    @contextmanager
+    def _filling(self) -> Iterator[None]:
+        """The task is woken if it would sleep for too long."""
+        before = self._outbox.ripe_at()
+        yield
+        if self._outbox.ripe_at() != before:
+            self._stirred.set()
 
     # What the other one says ---------------------------------------------------------------------------------
 
     def counts(self, number: int, size: int) -> bool:
         """A well-formed packet of that `link_sequence` and so many bytes has come: False if it came before. PeerFault outside of the window."""
+        before = self._receiver.due_at
         is_new = self._receiver.take(number, size, self._clock.now())
-        self._to_acknowledge.set()
+        if self._receiver.due_at != before:
+            self._to_acknowledge.set()
         return is_new
 
-    def acknowledged(self, packet: AcknowledgeRays) -> None:
+    def acknowledged(self, all_until: int, selective: bytes) -> None:
         """PeerFault for what was never sent."""
-        for sent in self._sender.acknowledge(packet.all_until, packet.selective, self._clock.now()):
-            if sent.closed is not None:
-                self._told(sent.closed)
-        self._stir()
+        now = self._clock.now()
+        came = self._sender.acknowledge(all_until, selective, now)
+        for packet in came:
+            for number in packet.closed:
+                self._told(number)
+        due_at = self._sender.due_at
+        if came and (self._head is not None or (due_at is not None and due_at <= now)):
+            self._stirred.set()
 
     # Tasks ---------------------------------------------------------------------------------------------------
 
@@ -106,29 +114,29 @@ class Link:
             if again is not None:
                 number, sent = again
                 self.packets_resent += 1
-                await self._carry(sent.packet)
+                await self._carry(sent)
                 self._sender.left(number, self._clock.now())
                 continue
-            what = self._next(now)
-            if what is None:
+            frame = self._next(now)
+            if frame is None:
                 return
-            number, packet = self._sender.next_number, self._packet(what, self._sender.next_number)
-            closed = what.number if isinstance(what, Told) and what.counts is None else None
-            self._sender.send(_Sent(packet, closed), what.size, now)
-            self.packets_sent += isinstance(what, Rays)
+            number = self._sender.next_number
+            packet = self._packet(frame, number)
+            self._sender.send(packet, frame.size, now)
+            self.packets_sent += bool(frame.batches)
             await self._carry(packet)
             self._sender.left(number, self._clock.now())
 
-    def _next(self, now: float) -> Rays | Told | None:
+    def _next(self, now: float) -> Frame | None:
         """What may leave now."""
         ripe_at = self._outbox.ripe_at()
         if self._head is None and ripe_at is not None and now >= ripe_at:
-            self._head = self._outbox.next()
-        what = self._head
-        if what is None or not self._sender.may_send(what.size):
+            self._head = self._outbox.next(now)
+        frame = self._head
+        if frame is None or not self._sender.may_send(frame.size):
             return None
         self._head = None
-        return what
+        return frame
 
     def _wait_s(self) -> float:
         """Until something is to be done, unless this is stirred before."""
@@ -155,36 +163,19 @@ class Link:
             # A loss like any other: the timer sends it again, or gives the link up.
             await trio.lowlevel.checkpoint()
 
-    def _packet(self, what: Rays | Told, number: int) -> Packet:
-        job = self._job
-        match what:
-            case Rays():
-                return SendRays(
-                    job=job.id,
-                    frame=job.frame,
-                    pass_index=what.number,
-                    attempt=self._attempt,
-                    partition_epoch=what.epoch,
-                    link_sequence=number,
-                    render_location=(),
-                    count=len(what.rays),
-                    rays=what.rays.tobytes(),
-                )
-            case Told(counts=None):
-                document: dict[str, Value] = {"closed": what.number, "attempt": self._attempt, "link_sequence": number}
-                return JobEvent(job=job.id, document=pack_value(document))
-            case Told(counts=counts):
-                assert counts is not None
-                return PassCounts(
-                    job=job.id,
-                    pass_index=what.number,
-                    attempt=self._attempt,
-                    created=counts.created,
-                    retired=counts.retired,
-                    sent=counts.sent,
-                    received=counts.received,
-                    link_sequence=number,
-                )
-
-    def _stir(self) -> None:
-        self._stirred.set()
+    def _packet(self, frame: Frame, number: int) -> SendRays:
+        all_until, selective = self._receiver.acknowledge()
+        counts = (PassCounts(of, one.created, one.retired, one.sent, one.received) for of, one in frame.counts)
+        return SendRays(
+            job=self._job.id,
+            frame=self._job.frame,
+            attempt=self._attempt,
+            link_sequence=number,
+            all_until=all_until,
+            selective=selective,
+            render_location=(),
+            counts=tuple(counts),
+            closed=tuple(frame.closed),
+            batches=tuple(RayBatch(batch.number, batch.epoch, len(batch.rays)) for batch in frame.batches),
+            rays=b"".join(batch.rays.data for batch in frame.batches),
+        )

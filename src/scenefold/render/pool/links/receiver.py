@@ -8,7 +8,8 @@ WINDOW = 256
 """Numbers that a link spans, from the lowest that is missing on."""
 UNSAID_PACKETS_MAX = 16
 UNSAID_BYTES_MAX = 1024 * 1024
-DELAY_S = 0.05
+DELAY_S = 0.2
+"""Far less than the least time until something is sent again; what leaves meanwhile takes the acknowledgement along."""
 
 
 class Receiver:
