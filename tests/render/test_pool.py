@@ -14,10 +14,8 @@ from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.render.in_memory import RecordsInMemory, one_node_job
 from scenefold.render.job import RenderOptions
-from scenefold.render.passes import plan_of
 from scenefold.render.pool.company import ASK_S_MAX
 from scenefold.render.pool.organiser import Organiser
-from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import load_share, read_tables
 from scenefold.render.rehearsal.pool import SCENE_KEY, Records, memory_pool, sha256_of
@@ -175,16 +173,6 @@ async def test_what_is_ill_formed_is_refused(packet: SendRays, room: Records) ->
         with pytest.raises(PeerFault):
             await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], packet)
         assert (await pool.state(71, owner))["phase"] == "rendering"
-
-
-async def test_a_pass_is_closed_by_nobody_but_its_owner(room: Records) -> None:
-    async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(71, LONG)
-        await pool.until(71, owner, "rendering")
-        not_its_own = next(number for number in range(299) if pass_owner(plan_of(71, 320 * 240, 255, None), number, 2) == 0)
-        with pytest.raises(Refused) as caught:
-            await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], _frame(closed=(not_its_own,)))
-        assert caught.value.reason is RejectReason.NOT_AUTHORISED
 
 
 async def test_users_may_not_speak_as_nodes(room: Records) -> None:

@@ -10,8 +10,8 @@ DATAGRAM_BYTES_MAX = 1400
 """A status datagram stays below common path MTUs."""
 PASS_PATHS_MAX = 65_536
 """Paths of one pass: their index is 16 bits in the ray record."""
-RAY_BATCH_MAX = 60 * 1024 // 36
-"""Rays of one packet: 60 KiB of 36-byte records."""
+RAY_FRAME_ITEMS_MAX = 1_024
+"""Batches of rays that one node of a job sends another at a time, passes whose counts it tells, and passes that it says are closed."""
 ATOM_TRIANGLES_MAX = 1_000
 """Triangles of a geometry atom, so that it fits one record."""
 GROUP_TRIANGLES_TARGET = 8_000
@@ -141,7 +141,6 @@ VALUE_ITEMS_MAX = 200_000
 """Numbers, texts, keys and containers of a packed document together: some 20 MiB of Python objects."""
 
 assert PAYLOAD_BYTES_MAX < FRAME_BYTES_MAX
-assert RAY_BATCH_MAX * 36 <= PAYLOAD_BYTES_MAX
 
 # What a scene may hold (specs/05-scene-content.md).
 COORDINATE_ABS_MAX = 1e9

@@ -34,7 +34,8 @@ def wherever_they_come(original: Any) -> Any:
     def on_rays(self: Any, node: int, packet: Any) -> None:
         from dataclasses import replace
 
-        original(self, node, replace(packet, partition_epoch=self.cell.partition.epoch))
+        epoch = self.cell.partition.epoch
+        original(self, node, replace(packet, batches=tuple(replace(batch, partition_epoch=epoch) for batch in packet.batches)))
 
     return on_rays
 
@@ -42,11 +43,11 @@ def wherever_they_come(original: Any) -> Any:
 def however_often_it_comes(original: Any) -> Any:
     """What comes on a link counts, also if it came before."""
 
-    def counts(self: Any, number: int, size: int) -> bool:
+    def is_new(self: Any, number: int, size: int) -> bool:
         original(self, number, size)
         return True
 
-    return counts
+    return is_new
 
 
 def kept_beside(_original: Any) -> Any:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from scenefold.base.limits import BULK_BYTES_MAX
+from scenefold.base.limits import BULK_BYTES_MAX, RAY_FRAME_ITEMS_MAX
 from scenefold.base.reasons import RejectReason
 from scenefold.wire.common import F64, REASON, U32, U64, Carrier, Packet, row
 from scenefold.wire.containers import Many, Struct
 from scenefold.wire.kinds import Bin, Uint
 
 SELECTIVE_BYTES_MAX = 32
-ITEMS_MAX = 1024
-"""Batches of a packet, and passes whose counts it tells, and passes that it says are closed."""
 RENDER_LOCATION = Many(F64, counts=(0, 1, 3))
 
 
@@ -117,9 +115,9 @@ ROWS = (
         ("all_until", U64),
         ("selective", Bin(SELECTIVE_BYTES_MAX)),
         ("render_location", RENDER_LOCATION),
-        ("counts", Many(PASS_COUNTS, ITEMS_MAX)),
-        ("closed", Many(U32, ITEMS_MAX)),
-        ("batches", Many(RAY_BATCH, ITEMS_MAX)),
+        ("counts", Many(PASS_COUNTS, RAY_FRAME_ITEMS_MAX)),
+        ("closed", Many(U32, RAY_FRAME_ITEMS_MAX)),
+        ("batches", Many(RAY_BATCH, RAY_FRAME_ITEMS_MAX)),
         ("rays", Bin(BULK_BYTES_MAX)),
     ),
     row(

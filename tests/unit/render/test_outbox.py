@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenefold.base.limits import RAY_FRAME_ITEMS_MAX
 from scenefold.base.rays import RAY_BYTES, RAY_WORDS
 from scenefold.render.arrays import U32
 from scenefold.render.ledger import Counts
 from scenefold.render.pool.outbox import (
     COUNTS_BYTES,
-    FRAME_BYTES,
-    FRAME_ITEMS_MAX,
+    EMPTY_BYTES,
     FRAME_RAYS_ENOUGH,
     FRAME_RAYS_MAX,
     HURRIED_S,
@@ -68,7 +68,7 @@ def test_all_that_waits_leaves_together_once_it_has_lingered() -> None:
         (1, 7, [7, 7, 7, 8]),
     ]
     assert frame.counts == [(5, Counts(1, 1, 0, 0))] and frame.closed == [2]
-    assert frame.size == FRAME_BYTES + COUNTS_BYTES + 7 * RAY_BYTES
+    assert frame.size == EMPTY_BYTES + COUNTS_BYTES + 7 * RAY_BYTES
     assert box.ripe_at() is None
 
 
@@ -91,6 +91,14 @@ def test_who_has_nothing_else_to_do_sends_at_once_but_not_again_and_again() -> N
     box.hurry()
     assert ripe(box) == 5.0 + HURRIED_S
     assert not frames(box, 5.0 + HURRIED_S - 1e-6) and len(frames(box, 5.0 + HURRIED_S)) == 1
+
+
+def test_counts_alone_are_not_hurried() -> None:
+    box = PeerOutbox()
+    box.put_counts(1, Counts(1), 5.0)
+    box.put_closed(2, 5.0)
+    box.hurry()
+    assert ripe(box) == 5.0 + LINGER_S
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 5), st.integers(1, FRAME_RAYS_MAX)), min_size=1, max_size=12))
@@ -116,13 +124,13 @@ def test_no_frame_is_too_large_and_every_ray_leaves_once(puts: list[tuple[int, i
 
 def test_a_frame_has_room_for_so_many_passes() -> None:
     box = PeerOutbox()
-    for number in range(FRAME_ITEMS_MAX + 1):
+    for number in range(RAY_FRAME_ITEMS_MAX + 1):
         box.put_rays(0, number, rays(1), 0.0)
         box.put_counts(number, Counts(1), 0.0)
         box.put_closed(number, 0.0)
     first, second = frames(box, LINGER_S)
-    assert (len(first.batches), len(first.counts), len(first.closed)) == (FRAME_ITEMS_MAX,) * 3
-    assert (len(second.batches), len(second.counts), second.closed) == (1, 1, [FRAME_ITEMS_MAX])
+    assert (len(first.batches), len(first.counts), len(first.closed)) == (RAY_FRAME_ITEMS_MAX,) * 3
+    assert (len(second.batches), len(second.counts), second.closed) == (1, 1, [RAY_FRAME_ITEMS_MAX])
 
 
 @given(st.dictionaries(st.integers(0, 9), st.lists(st.integers(1, TAKE_RAYS_MAX), min_size=1, max_size=3), max_size=6))

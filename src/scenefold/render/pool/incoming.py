@@ -23,6 +23,7 @@ def batches_of(packet: SendRays, plan: PassPlan) -> list[Batch]:
             raise PeerFault("the job has no such pass", where=f"pass {number}")
         if int(some[:, 7].max()) >> 16 >= plan.size(number):
             raise PeerFault("a ray belongs to a path that its pass does not have", where=f"pass {number}")
-        batches.append(Batch(batch.partition_epoch, number, some))
+        # A few rays that wait for long keep nothing but themselves.
+        batches.append(Batch(batch.partition_epoch, number, some if len(packet.batches) == 1 else some.copy()))
         at += batch.count
     return batches

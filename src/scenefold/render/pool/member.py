@@ -12,7 +12,7 @@ With an attempt all of this goes, but for films and statistics (specs/31-attempt
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Awaitable, Callable, Collection, Sequence
+from collections.abc import Awaitable, Callable, Collection
 from functools import partial
 
 import numpy as np
@@ -23,7 +23,7 @@ from scenefold.base.ids import address_of
 from scenefold.base.rays import RAY_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.render.arrays import U32
-from scenefold.render.contract import Advanced, Tracer
+from scenefold.render.contract import Advanced
 from scenefold.render.film import EVERY_ROW, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
@@ -38,7 +38,8 @@ from scenefold.render.pool.outbox import Batch, frame_size
 from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
-from scenefold.render.pool.work import Work, WorkQueue
+from scenefold.render.pool.tracing import advanced, camera_rays
+from scenefold.render.pool.work import TAKE_RAYS_MAX, Work, WorkQueue
 from scenefold.wire import AcknowledgeRays, CollectPass, Packet, PassSums, SendRays
 from scenefold.world import World, leaves
 
@@ -47,6 +48,8 @@ AGAIN_S = 0.2
 """Before a node that could not be reached is asked again."""
 QUEUE_RAYS_ENOUGH = 32_768
 """With this many rays waiting, no further pass is opened."""
+SHARE_RAYS_MIN = 8_192
+"""A thread takes so many, if there are, however many others rest."""
 
 
 class Member:
@@ -88,6 +91,8 @@ class Member:
         """Rays to be addressed anew."""
         self._strayed = trio.Event()
         self._opening = False
+        self._resting = 0
+        """Threads that have nothing to trace."""
         self._closing = trio.Lock()
         self._nursery: trio.Nursery | None = None
         self.away: dict[int, str] = {}
@@ -106,10 +111,12 @@ class Member:
         closed = [closed_pass(self._plan, len(self._roster.nodes), node, number) for number in packet.closed]
         link.acknowledged(packet.all_until, packet.selective)
         count = len(packet.rays) // RAY_BYTES
-        if not link.counts(packet.link_sequence, frame_size(count, len(packet.counts))):
+        if not link.is_new(packet.link_sequence, frame_size(count, len(packet.counts))):
             return
         for batch in batches:
             self._take(batch)
+        if batches:
+            self._wake()
         self.statistics.rays_received += count
         for told in packet.counts:
             self._report(node, told.pass_index, Counts(told.created, told.retired, told.sent, told.received))
@@ -122,7 +129,6 @@ class Member:
             self.on_newer(batch.epoch)
         if batch.epoch == self._cell.partition.epoch:
             self._queue.put(batch.number, batch.rays)
-            self._wake()
         else:
             self._queue.lend(batch.number)
             self._stray(Work(batch.number, batch.rays))
@@ -279,26 +285,39 @@ class Member:
         return self._own.total
 
     async def _trace(self, thread: int) -> None:
-        workers, clock = self._world.workers, self._world.clock
         while True:
             cell = self._cell
             if self._own.may_open() and len(self._queue) < QUEUE_RAYS_ENOUGH and not self._opening:
                 await self._open_pass(cell, thread)
                 continue
-            taken = self._queue.take_some()
-            if not taken:
-                for link in self._links.values():
-                    link.hurry()
-                changed = self._changed
-                await changed.wait()
+            if not len(self._queue):
+                await self._rest()
                 continue
-            batches = [(work.rays, self._plan.first_path(work.number), self._sums_of(work.number, thread)) for work in taken]
-            begun = clock.now()
-            with cell.at_work():
-                outcomes = await workers.run(LANE, _advanced, cell.tracers[thread], batches)
-            self.statistics.busy_seconds += clock.now() - begun
-            for work, outcome in zip(taken, outcomes, strict=True):
-                self._traced(cell, work.number, outcome)
+            await self._advance(cell, thread)
+
+    async def _rest(self) -> None:
+        """Until something has changed. If no other thread traces either, what waits for other nodes leaves."""
+        self._resting += 1
+        if self._resting == len(self._cell.tracers):
+            for link in self._links.values():
+                link.hurry()
+        changed = self._changed
+        try:
+            await changed.wait()
+        finally:
+            self._resting -= 1
+
+    async def _advance(self, cell: Cell, thread: int) -> None:
+        """Trace some of what waits; the other threads that rest get their part of it."""
+        share = -(-len(self._queue) // (1 + self._resting))
+        taken = self._queue.take_some(min(TAKE_RAYS_MAX, max(SHARE_RAYS_MIN, share)))
+        batches = [(work.rays, self._plan.first_path(work.number), self._sums_of(work.number, thread)) for work in taken]
+        begun = self._world.clock.now()
+        with cell.at_work():
+            outcomes = await self._world.workers.run(LANE, advanced, cell.tracers[thread], batches)
+        self.statistics.busy_seconds += self._world.clock.now() - begun
+        for work, outcome in zip(taken, outcomes, strict=True):
+            self._traced(cell, work.number, outcome)
 
     def _traced(self, cell: Cell, number: int, outcome: Advanced) -> None:
         self.statistics.casts += outcome.casts
@@ -315,7 +334,7 @@ class Member:
         try:
             number = self._own.open_next()
             with cell.at_work():
-                rays = await self._world.workers.run(LANE, self._camera_rays, cell.tracers[thread], number)
+                rays = await self._world.workers.run(LANE, camera_rays, cell.tracers[thread], self._job, number, self._goes_on)
         finally:
             self._opening = False
         created = sum(map(len, rays.values()))
@@ -337,24 +356,14 @@ class Member:
         if not self._queue.is_busy(number):
             self._tell(number)
 
-    def _camera_rays(self, tracer: Tracer, number: int) -> dict[int, U32]:
-        """Of the paths of a pass whose pixels go on. In a worker."""
-        first, pixels = self._plan.first_path(number), self._job.window.pixels
-        rays = tracer.generate(first, self._plan.size(number))
-        if not len(self._goes_on):
-            return rays
-        kept = {
-            node: some[self._goes_on[(first + (some[:, 7] >> np.uint32(16)).astype(np.int64)) % pixels] != 0] for node, some in rays.items()
-        }
-        return {node: some for node, some in kept.items() if len(some)}
-
     # Counting ------------------------------------------------------------------------------------------------
 
     def _dispatch(self, cell: Cell, number: int, leaving: dict[int, U32]) -> int:
         sent = 0
         for index, rays in leaving.items():
-            self._links[index].put_rays(cell.partition.epoch, number, rays)
-            sent += len(rays)
+            if len(rays):
+                self._links[index].put_rays(cell.partition.epoch, number, np.ascontiguousarray(rays))
+                sent += len(rays)
         self.statistics.rays_sent += sent
         return sent
 
@@ -483,8 +492,3 @@ class Member:
     def _forget(self, number: int) -> None:
         for kept in (self._sums, self._counts, self._reported):
             kept.pop(number, None)
-
-
-def _advanced(tracer: Tracer, batches: Sequence[tuple[U32, int, Sums]]) -> list[Advanced]:
-    """Of each batch: its rays, the first path of its pass, the sums of this. In a worker: one hand-over for all."""
-    return [tracer.advance(*batch) for batch in batches]

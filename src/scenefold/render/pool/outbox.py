@@ -3,7 +3,7 @@
 All of it leaves together, in one frame: a frame costs what a thousand rays cost to trace, however small it is. So it
 lingers for a moment, or until there are enough rays, or until its node has nothing else to do (`hurry`), but even then
 for long enough that a few rays do not go to and fro in frames of their own. While a frame is on its way, or waits for
-credit, what comes after it is gathered too.
+credit, what comes after it gathers for the next one.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from itertools import islice
 
 import numpy as np
 
+from scenefold.base.limits import RAY_FRAME_ITEMS_MAX
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.arrays import U32
 from scenefold.render.ledger import Counts
@@ -23,12 +24,10 @@ FRAME_RAYS_MAX = 32_768
 """1,152 KiB of rays in a frame."""
 FRAME_RAYS_ENOUGH = 12_288
 """So many waiting rays leave at once."""
-FRAME_ITEMS_MAX = 1_024
-"""Batches of rays in a frame, passes whose counts it tells, and passes that are closed."""
 LINGER_S = 0.05
 HURRIED_S = 0.02
 """From one frame to the next that leaves only because its node has nothing else to do."""
-FRAME_BYTES = 256
+EMPTY_BYTES = 256
 """What a frame counts as, beside its rays,"""
 COUNTS_BYTES = 32
 """and the counts of a pass in it."""
@@ -61,7 +60,7 @@ class Frame:
 
 def frame_size(rays: int, counts: int) -> int:
     """What a frame of so many rays, and so many passes' counts, takes of a link's credit, in bytes."""
-    return FRAME_BYTES + COUNTS_BYTES * counts + RAY_BYTES * rays
+    return EMPTY_BYTES + COUNTS_BYTES * counts + RAY_BYTES * rays
 
 
 class PeerOutbox:
@@ -96,8 +95,8 @@ class PeerOutbox:
         self._begin(now)
 
     def hurry(self) -> None:
-        """Whoever fills this box has nothing else to do: send what there is."""
-        self._hurries = self._since is not None
+        """Whoever fills this box has nothing else to do: send what rays there are. That a pass closes a moment later keeps nobody from tracing."""
+        self._hurries = self._waiting > 0
 
     def ripe_at(self) -> float | None:
         """From when on something leaves; None as long as nothing waits."""
@@ -113,10 +112,10 @@ class PeerOutbox:
         if self._since is None:
             return None
         self._is_ripe, self._hurries, self._left_at = True, False, now
-        counts = list(islice(self._counts.items(), FRAME_ITEMS_MAX))
+        counts = list(islice(self._counts.items(), RAY_FRAME_ITEMS_MAX))
         for number, _ in counts:
             del self._counts[number]
-        closed = [self._closed.popleft() for _ in range(min(len(self._closed), FRAME_ITEMS_MAX))]
+        closed = [self._closed.popleft() for _ in range(min(len(self._closed), RAY_FRAME_ITEMS_MAX))]
         frame = Frame(self._next_batches(), counts, closed)
         if not (self._rays or self._counts or self._closed):
             self._since, self._is_ripe = None, False
@@ -127,7 +126,7 @@ class PeerOutbox:
         batches: list[Batch] = []
         room = FRAME_RAYS_MAX
         for due in sorted(self._rays):
-            if not room or len(batches) == FRAME_ITEMS_MAX:
+            if not room or len(batches) == RAY_FRAME_ITEMS_MAX:
                 break
             arrays = self._rays.pop(due)
             rays = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)

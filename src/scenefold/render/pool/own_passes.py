@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Collection, Sequence
+from functools import lru_cache
 
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId
@@ -25,7 +27,12 @@ def pass_owner(plan: PassPlan, number: int, nodes: int) -> int:
 
 def owner_index(location: Location, nodes: int) -> int:
     """Which of `nodes` even arcs holds a location."""
-    return next(index for index, arc in enumerate(arcs_between(even_right_bounds(nodes))) if location in arc)
+    return bisect_left(_right_bounds(nodes), location)
+
+
+@lru_cache(maxsize=8)
+def _right_bounds(nodes: int) -> list[Location]:
+    return even_right_bounds(nodes)
 
 
 def closed_pass(plan: PassPlan, nodes: int, node: int, number: int) -> int:

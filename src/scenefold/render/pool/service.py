@@ -1,4 +1,4 @@
-"""The render service of a node: answers packets 48 to 60, 126, 23 and 46, and owns the tasks of all jobs here."""
+"""The render service of a node: answers packets 48 to 51, 53 to 60, 126, 23 and 46, and owns the tasks of all jobs here."""
 
 from __future__ import annotations
 

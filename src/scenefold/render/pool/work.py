@@ -1,7 +1,7 @@
 """Rays that wait on a node, by pass: the largest heap goes first. Pure.
 
 Oldest first looks tidier, and is far slower: the few rays that are left of an old pass then go round and round
-between the nodes alone, each time in a packet of their own. Heaps of old passes are never starved for long, since
+between the nodes alone. Heaps of old passes are never starved for long, since
 new passes open only while few rays wait.
 """
 
@@ -59,22 +59,26 @@ class WorkQueue:
             drained.append(work)
         return drained
 
-    def take_some(self) -> list[Work]:
-        """Rays of those passes of which most wait, largest heaps first, as many as a tracer gets at a time. Each pass is busy until `done`."""
+    def take_some(self, room: int = TAKE_RAYS_MAX) -> list[Work]:
+        """Rays of those passes of which most wait, largest heaps first, so many in all, or of the first pass alone. Each is busy until `done`."""
         taken: list[Work] = []
-        room = TAKE_RAYS_MAX
-        while self._waiting and (not taken or max(self._sizes.values()) <= room):
-            work = self.take()
-            assert work is not None
-            taken.append(work)
-            room -= len(work.rays)
+        for number in self._largest_first():
+            if taken and self._sizes[number] > room:
+                continue
+            taken.append(self._take_of(number))
+            room -= len(taken[-1].rays)
         return taken
+
+    def _largest_first(self) -> list[int]:
+        return sorted(self._sizes, key=lambda number: (-self._sizes[number], number))
 
     def take(self) -> Work | None:
         """Rays of the pass of which most wait, or None. The pass is busy until `done`."""
         if not self._waiting:
             return None
-        number = max(self._sizes, key=lambda known: (self._sizes[known], -known))
+        return self._take_of(self._largest_first()[0])
+
+    def _take_of(self, number: int) -> Work:
         batches, count = self._waiting[number], 0
         taken: list[U32] = []
         while batches and (not taken or count + len(batches[0]) <= TAKE_RAYS_MAX):

@@ -74,7 +74,7 @@ class Link:
 
     # What the other one says ---------------------------------------------------------------------------------
 
-    def counts(self, number: int, size: int) -> bool:
+    def is_new(self, number: int, size: int) -> bool:
         """A well-formed packet of that `link_sequence` and so many bytes has come: False if it came before. PeerFault outside of the window."""
         before = self._receiver.due_at
         is_new = self._receiver.take(number, size, self._clock.now())
@@ -84,13 +84,14 @@ class Link:
 
     def acknowledged(self, all_until: int, selective: bytes) -> None:
         """PeerFault for what was never sent."""
-        now = self._clock.now()
-        came = self._sender.acknowledge(all_until, selective, now)
+        before = math.inf if self._sender.due_at is None else self._sender.due_at
+        came = self._sender.acknowledge(all_until, selective, self._clock.now())
         for packet in came:
             for number in packet.closed:
                 self._told(number)
-        due_at = self._sender.due_at
-        if came and (self._head is not None or (due_at is not None and due_at <= now)):
+        after = math.inf if self._sender.due_at is None else self._sender.due_at
+        # What was lost is due at once; and who was waited for ever longer is waited for as usual, now that it answers.
+        if came and (self._head is not None or after < before):
             self._stirred.set()
 
     # Tasks ---------------------------------------------------------------------------------------------------
