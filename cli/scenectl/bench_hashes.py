@@ -28,10 +28,10 @@ class HashesBench:
 
 def algorithms_of(names: str) -> tuple[str, ...]:
     """Those between commas; UsageFault if one does not exist. `all`: those that move cells."""
-    from scenefold.render.algorithms import ALGORITHMS, RESTING, check_algorithm
+    from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE, check_algorithm
 
     if names == ALL:
-        return tuple(name for name in ALGORITHMS if name != RESTING)
+        return tuple(name for name in ALGORITHMS if name not in (RESTING, WHOLE))
     found = tuple(names.split(","))
     for name in found:
         check_algorithm(name)

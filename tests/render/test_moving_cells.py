@@ -13,7 +13,7 @@ import trio.testing
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.partition import Partition
-from scenefold.render.algorithms import ALGORITHMS, RESTING
+from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool import organiser
 from scenefold.render.pool.cell import Cell
@@ -50,7 +50,7 @@ async def _rendered(pool: MemoryPool, options: RenderOptions) -> tuple[str, dict
 
 
 @pytest.mark.usefixtures("ends_moved")
-@pytest.mark.parametrize("algorithm", [name for name in ALGORITHMS if name != RESTING])
+@pytest.mark.parametrize("algorithm", [name for name in ALGORITHMS if name not in (RESTING, WHOLE)])
 async def test_cells_move_and_no_bit_does(room: Records, alone: str, algorithm: str) -> None:
     async with memory_pool(offline_world(), room, NODES) as pool:
         image, state = await _rendered(pool, replace(OPTIONS, algorithm=algorithm))

@@ -11,10 +11,12 @@ if TYPE_CHECKING:
 
 RESTING = "voronoi"
 """Cells that no rule moves."""
+WHOLE = "whole"
+"""No cells: every node holds the whole scene, and gets paths (specs/33-dealt-paths.md)."""
 USUAL_ALGORITHM = "bounded-radial"
 ALGORITHMS = (
     "vivaldi", "no-certainty", "swarming", "no-backtracking", "voxelised-swarming", "planar", "radial", "bounded-radial", "power", "kd",
-    RESTING,
+    RESTING, WHOLE,
 )  # fmt: skip
 """All that are built in."""
 
@@ -33,7 +35,7 @@ def check_algorithm(name: str) -> None:
 
 def rule_of(name: str) -> Rule | None:
     """By which cells move; None: by none. LocalFault if there is no algorithm of this name."""
-    if name == RESTING:
+    if name in (RESTING, WHOLE):
         return None
     from scenefold.partition.registry import load_algorithm
 

@@ -20,7 +20,7 @@ def first_cells(name: str, nodes: int, tables: SceneTables, camera: Camera) -> P
     matrix = np.asarray(camera.matrix, np.float64)
     position, forward, up, centres = matrix[:3, 3], -matrix[:3, 2], matrix[:3, 1], (low + high) * 0.5
     match name:
-        case "voronoi":
+        case "voronoi" | "whole":
             return make_partition("voronoi", nodes, box, position, forward, up, centres, weights)
         case "bounded-radial" | "radial":
             return make_partition("bounded-radial", nodes, box, position, forward, up, centres, weights)

@@ -160,6 +160,8 @@ class Job:
     """Whether its films are kept, so that the nodes tell a digest of what they hold."""
     moves: bool = False
     """Whether its cells may move, so that the nodes tell where rays hit."""
+    whole: bool = False
+    """Whether each node holds the whole scene, and paths are dealt (specs/33-dealt-paths.md); the partition stands for the places alone."""
 
     @property
     def window(self) -> Window:
@@ -205,6 +207,7 @@ class Job:
                 "mips": self.mips,
                 "keeps": self.keeps,
                 "moves": self.moves,
+                "whole": self.whole,
             }
         )
 
@@ -247,6 +250,7 @@ class Job:
             mips=flag(document.get("mips", True)),
             keeps=flag(document["keeps"]),
             moves=flag(document.get("moves", False)),
+            whole=flag(document.get("whole", False)),
         )
         if job.lens is not None:
             job.lens.check()

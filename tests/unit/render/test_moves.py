@@ -14,7 +14,7 @@ from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition, camera_frame
 from scenefold.partition.registry import BUILT_IN
 from scenefold.partition.rules import Measured
-from scenefold.render.algorithms import ALGORITHMS, RESTING, check_algorithm, rule_of
+from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE, check_algorithm, rule_of
 from scenefold.render.pool.hit_sample import KEPT_LEAST, KEPT_OF_ALL, HitSample, hits_of_bytes, kept_of
 from scenefold.render.pool.mover import Mover
 from scenefold.render.pool.moves import Moves, Told
@@ -104,10 +104,10 @@ def test_free_algorithms_come_to_rest_and_fits_move_at_once() -> None:
 
 
 def test_every_built_in_algorithm_has_a_name_and_a_rule() -> None:
-    assert set(ALGORITHMS) == {*BUILT_IN, RESTING}
+    assert set(ALGORITHMS) == {*BUILT_IN, RESTING, WHOLE}
     for name in ALGORITHMS:
         check_algorithm(name)
-        assert (rule_of(name) is None) == (name == RESTING)
+        assert (rule_of(name) is None) == (name in (RESTING, WHOLE))
     with pytest.raises(UsageFault, match="no algorithm 'spiral'"):
         check_algorithm("spiral")
     with pytest.raises(LocalFault):

@@ -93,6 +93,14 @@ def test_who_has_nothing_else_to_do_sends_at_once_but_not_again_and_again() -> N
     assert not frames(box, 5.0 + HURRIED_S - 1e-6) and len(frames(box, 5.0 + HURRIED_S)) == 1
 
 
+def test_counts_that_are_the_last_leave_at_once() -> None:
+    box = PeerOutbox()
+    box.put_rays(1, 1, rays(1), 4.99)
+    box.put_counts(1, Counts(1), 5.0, are_last=True)
+    (frame,) = frames(box, 5.0)
+    assert len(frame.batches) == 1 and frame.counts == [(1, Counts(1))]
+
+
 def test_counts_alone_are_not_hurried() -> None:
     box = PeerOutbox()
     box.put_counts(1, Counts(1), 5.0)
@@ -148,6 +156,17 @@ def test_a_tracer_gets_the_largest_heaps_as_many_as_it_may(heaps: dict[int, list
             taken[work.number] = taken.get(work.number, 0) + len(work.rays)
     assert taken == {number: sum(counts) for number, counts in heaps.items()}
     assert not len(queue)
+
+
+def test_threads_that_have_nothing_to_do_share_what_there_is() -> None:
+    queue = WorkQueue()
+    for number in range(8):
+        queue.put(number, rays(8_000))
+    assert [len(queue.take_share(4 - taken)) for taken in range(4)] == [2, 2, 2, 2]
+    for number in range(8):
+        queue.put(number, rays(100))
+    # So little is not worth more than one hand-over.
+    assert len(queue.take_share(4)) == 8
 
 
 def test_small_heaps_of_several_passes_go_together() -> None:

@@ -1,4 +1,4 @@
-"""One node's cell of one partition, with all that tracing in it takes. It is replaced as a whole (specs/29-moving-cells.md)."""
+"""One node's cell of one partition, or all of space, with all that tracing in it takes. It is replaced as a whole (specs/29-moving-cells.md)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from scenefold.render.contract import RoutingTracer, Tracer
 class Cell:
     """Tracers, one a thread, and how many of them work. From the Trio thread only."""
 
-    def __init__(self, partition: Partition, tracers: Sequence[Tracer]) -> None:
+    def __init__(self, partition: Partition, tracers: Sequence[Tracer], place: int | None = None) -> None:
+        """`place`: of a node that holds the whole scene, so that no ray leaves it."""
         self.partition = partition
+        self._place = place
         self.tracers = tracers
         self._working = 0
         self._rested = trio.Event()
@@ -42,10 +44,12 @@ class Cell:
     @property
     def can_route(self) -> bool:
         """Whether its rays can be addressed anew."""
-        return all(isinstance(tracer, RoutingTracer) for tracer in self.tracers)
+        return self._place is not None or all(isinstance(tracer, RoutingTracer) for tracer in self.tracers)
 
     def route(self, rays: U32) -> dict[int, U32]:
         """By the node of the partition that casts each next."""
+        if self._place is not None:
+            return {self._place: rays}
         tracer = self.tracers[0]
         assert isinstance(tracer, RoutingTracer), "only those that can route fetch another cell"
         return tracer.route(rays)

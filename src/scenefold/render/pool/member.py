@@ -29,6 +29,7 @@ from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
 from scenefold.render.pool.cell import Cell
+from scenefold.render.pool.dealing import Dealer
 from scenefold.render.pool.films import Summed
 from scenefold.render.pool.incoming import batches_of
 from scenefold.render.pool.lasting import Lasting
@@ -39,7 +40,7 @@ from scenefold.render.pool.own_passes import OwnPasses, closed_pass, pass_owner
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.tracing import advanced, camera_rays
-from scenefold.render.pool.work import TAKE_RAYS_MAX, Work, WorkQueue
+from scenefold.render.pool.work import Work, WorkQueue
 from scenefold.wire import AcknowledgeRays, CollectPass, Packet, PassSums, SendRays
 from scenefold.world import World, leaves
 
@@ -48,8 +49,6 @@ AGAIN_S = 0.2
 """Before a node that could not be reached is asked again."""
 QUEUE_RAYS_ENOUGH = 32_768
 """With this many rays waiting, no further pass is opened."""
-SHARE_RAYS_MIN = 8_192
-"""A thread takes so many, if there are, however many others rest."""
 
 
 class Member:
@@ -90,6 +89,7 @@ class Member:
         self._astray: deque[Work] = deque()
         """Rays to be addressed anew."""
         self._strayed = trio.Event()
+        self._dealer = Dealer(len(roster.nodes)) if job.whole else None
         self._opening = False
         self._resting = 0
         """Threads that have nothing to trace."""
@@ -309,8 +309,7 @@ class Member:
 
     async def _advance(self, cell: Cell, thread: int) -> None:
         """Trace some of what waits; the other threads that rest get their part of it."""
-        share = -(-len(self._queue) // (1 + self._resting))
-        taken = self._queue.take_some(min(TAKE_RAYS_MAX, max(SHARE_RAYS_MIN, share)))
+        taken = self._queue.take_share(1 + self._resting)
         batches = [(work.rays, self._plan.first_path(work.number), self._sums_of(work.number, thread)) for work in taken]
         begun = self._world.clock.now()
         with cell.at_work():
@@ -338,6 +337,8 @@ class Member:
         finally:
             self._opening = False
         created = sum(map(len, rays.values()))
+        if self._dealer is not None and created:
+            rays = self._dealer.dealt(number, rays[0], self._world.clock.now())
         if not created:
             # None of its pixels goes on: nobody has anything of it.
             self._films.own.passes.add(number)
@@ -381,9 +382,12 @@ class Member:
         if owner == self._me:
             self._report(self._me, number, counts)
             return
-        self._links[owner].put_counts(number, counts)
+        # Where no ray comes from anywhere else, this was all of it.
+        self._links[owner].put_counts(number, counts, are_last=self._dealer is not None)
 
     def _report(self, node: int, number: int, counts: Counts) -> None:
+        if self._dealer is not None:
+            self._dealer.reported(number, node, counts, self._world.clock.now(), is_owner=node == self._me)
         ledger = self._own.ledgers.get(number)
         if ledger is not None and ledger.report(node, counts) and self._nursery is not None:
             ledger.begin_collection()
@@ -423,6 +427,8 @@ class Member:
         async with self._closing:
             total = await self._world.workers.run(FILM_LANE, self._close, number, [reply.payload for reply in replies.values()])
         self._forget(number)
+        if self._dealer is not None:
+            self._dealer.closed(number)
         self._own.close(number, len(self._links), is_copied=self._keeper is None)
         for link in self._links.values():
             link.put_closed(number)

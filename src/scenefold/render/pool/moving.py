@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import trio
@@ -13,12 +14,12 @@ from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
 from scenefold.partition.value import EPOCH_MAX
 from scenefold.render.content import share_of
-from scenefold.render.contract import MovableScene, OpenScene, Renderer
+from scenefold.render.contract import MovableScene, OpenScene, Renderer, Tracer
 from scenefold.render.job import Job
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
-from scenefold.render.pool.share import LANE, LoadedShare, load_share
+from scenefold.render.pool.share import LANE, LoadedShare, held_by, load_share
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,12 +140,13 @@ class Moving:
         return self.held
 
     async def _moved(self, now: Held, partition: Partition, place: int) -> Held:
-        needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, partition, place)
+        cells, mine = held_by(self._job, partition, place)
+        needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, cells, mine)
         share = now.loaded.share
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
         if holds and isinstance(now.scene, MovableScene):
-            tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, partition, place, self._host.render_threads)
-            return Held(Cell(partition, tracers), now.loaded, now.scene)
+            tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, cells, mine, self._host.render_threads)
+            return Held(self._cell(partition, tracers, place), now.loaded, now.scene)
         return await self._opened(partition, place)
 
     async def _opened(self, partition: Partition, place: int) -> Held:
@@ -153,13 +155,16 @@ class Moving:
             # The digest of the whole scene was told already.
             job = replace(job, keeps=False)
         async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
-            loaded = await load_share(reader, host.world.workers, job, place)
+            loaded = await load_share(reader, host.world.workers, job, place, host.memory_bytes)
         self.bytes_read += loaded.bytes_read
-        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, partition, place)
+        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, *held_by(job, partition, place))
         if self._is_over:
             await host.world.workers.run(LANE, scene.close)
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is over")
-        return Held(Cell(partition, scene.tracers(host.render_threads)), loaded, scene)
+        return Held(self._cell(partition, scene.tracers(host.render_threads), place), loaded, scene)
+
+    def _cell(self, partition: Partition, tracers: Sequence[Tracer], place: int) -> Cell:
+        return Cell(partition, tracers, place if self._job.whole else None)
 
     async def _close(self, held: Held) -> None:
         """Unless somebody else traces with it."""

@@ -84,9 +84,10 @@ class PeerOutbox:
         self._is_ripe = self._is_ripe or self._waiting >= FRAME_RAYS_ENOUGH
         self._begin(now)
 
-    def put_counts(self, number: int, counts: Counts, now: float) -> None:
-        """Queue counts of a pass, in place of those that still wait."""
+    def put_counts(self, number: int, counts: Counts, now: float, *, are_last: bool = False) -> None:
+        """Queue counts of a pass, in place of those that still wait. `are_last`: no more will follow, and the pass may close: they leave at once."""
         self._counts[number] = counts
+        self._is_ripe = self._is_ripe or are_last
         self._begin(now)
 
     def put_closed(self, number: int, now: float) -> None:

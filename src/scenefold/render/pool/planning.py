@@ -6,7 +6,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
-from scenefold.render.algorithms import rule_of
+from scenefold.render.algorithms import WHOLE, rule_of
 from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job
@@ -75,6 +75,7 @@ def _made(host: Host, renderer: Renderer, request: RenderRequest, tables: SceneT
         mips=options.mips,
         keeps=request.keep is not None,
         moves=options.moving and len(nodes) > 1 and rule_of(options.algorithm) is not None,
+        whole=options.algorithm == WHOLE and len(nodes) > 1,
     )
 
 

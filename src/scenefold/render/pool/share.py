@@ -10,6 +10,7 @@ from typing import Protocol
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
+from scenefold.partition import Partition
 from scenefold.render.arrays import JobNumbers
 from scenefold.render.content import Share, held_textures, scene_arrays, share_of
 from scenefold.render.contract import HeldGroup, HeldScene
@@ -27,6 +28,12 @@ LANE = "render"
 """Worker threads that trace and build trees: as many as the node may render with."""
 FILM_LANE = "film"
 """Worker threads that add up passes and films, which must not wait behind a tracer."""
+
+EVERYTHING = Partition.voronoi([[0.0, 0.0, 0.0]])
+TRIANGLE_BYTES = 200
+"""Of a stored triangle: its part of vertices and attributes, itself, and trees (docs/benchmarks.md, *What instances save*)."""
+TEXEL_BYTES = 6
+"""With its part of the coarser levels."""
 
 
 class SceneReader(Protocol):
@@ -67,12 +74,30 @@ async def read_tables(reader: SceneReader, workers: Workers) -> SceneTables:
     return await workers.run(LANE, SceneTables.from_payloads, document, pages)
 
 
-async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int) -> LoadedShare:
-    """Everything that node `me` of a job must hold; DamagedData if the scene is not the job's."""
+def held_by(job: Job, partition: Partition, place: int) -> tuple[Partition, int]:
+    """The cells, and the place among them, by which a node of a job holds geometry, and traces: of a whole scene there is one."""
+    return (EVERYTHING, 0) if job.whole else (partition, place)
+
+
+def check_whole(tables: SceneTables, memory_bytes: int) -> None:
+    """LocalFault if a scene as a whole is more than a node may hold, by a rough estimate."""
+    texels = sum(texture.width * texture.height for texture in tables.textures)
+    needs = TRIANGLE_BYTES * int(tables.groups.triangles.sum()) + TEXEL_BYTES * texels
+    if needs > memory_bytes:
+        raise LocalFault(
+            f"the whole scene takes some {needs >> 20} MiB of each node's memory; this one may use {memory_bytes >> 20} MiB",
+            remedy="render it with cells (another --algorithm than whole), or give the nodes more memory",
+        )
+
+
+async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int, memory_bytes: int | None = None) -> LoadedShare:
+    """Everything that node `me` of a job must hold; DamagedData if the scene is not the job's, LocalFault if a whole scene is more than the memory."""
     tables = await read_tables(reader, workers)
     if tables.document.digest != job.content:
         raise DamagedData("the scene changed since the job was made", remedy="start the render again")
-    share = await workers.run(LANE, share_of, tables, job.partition, me)
+    if job.whole and memory_bytes is not None:
+        check_whole(tables, memory_bytes)
+    share = await workers.run(LANE, share_of, tables, *held_by(job, job.partition, me))
     locations = [location for group in share.groups for location in tables.groups.locations(group)]
     payloads = await reader.get_many(GEOMETRY, locations)
     atoms = await workers.run(LANE, _decode_groups, tables, share, payloads)
@@ -103,7 +128,9 @@ def _digest(
     following, following_tiles = iter(payloads), iter(tile_payloads)
     by_group = {int(group): list(islice(following, len(tables.groups.locations(group)))) for group in share.groups}
     by_texture = {number: list(islice(following_tiles, len(tables.textures[number].tiles))) for number in textures}
-    groups = own_groups(tables, job.partition, me, share.groups)
+    # Where all nodes hold everything, too, each tells of what its cell would have.
+    held = share_of(tables, job.partition, me).groups if job.whole else share.groups
+    groups = own_groups(tables, job.partition, me, held)
     return sum_of_groups(tables, groups, by_group, atoms, by_texture)
 
 

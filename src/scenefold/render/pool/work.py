@@ -17,6 +17,8 @@ from scenefold.render.arrays import U32
 
 TAKE_RAYS_MAX = 65_536
 """Rays handed to a tracer at a time: enough to outweigh the hand-over, few enough to answer within a moment."""
+SHARE_RAYS_MIN = 8_192
+"""A thread takes so many, if there are, however many others have nothing to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,11 @@ class WorkQueue:
         while (work := self.take()) is not None:
             drained.append(work)
         return drained
+
+    def take_share(self, threads: int) -> list[Work]:
+        """One thread's part, where so many have nothing to do."""
+        share = -(-self._rays // threads)
+        return self.take_some(min(TAKE_RAYS_MAX, max(SHARE_RAYS_MIN, share)))
 
     def take_some(self, room: int = TAKE_RAYS_MAX) -> list[Work]:
         """Rays of those passes of which most wait, largest heaps first, so many in all, or of the first pass alone. Each is busy until `done`."""

@@ -49,10 +49,10 @@ class Link:
         with self._filling():
             self._outbox.put_rays(epoch, number, rays, self._clock.now())
 
-    def put_counts(self, number: int, counts: Counts) -> None:
-        """Counts of a pass, for its owner."""
+    def put_counts(self, number: int, counts: Counts, *, are_last: bool = False) -> None:
+        """Counts of a pass, for its owner. `are_last`: no more will follow."""
         with self._filling():
-            self._outbox.put_counts(number, counts, self._clock.now())
+            self._outbox.put_counts(number, counts, self._clock.now(), are_last=are_last)
 
     def put_closed(self, number: int) -> None:
         """A pass of this node is closed."""
