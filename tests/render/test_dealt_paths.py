@@ -105,7 +105,7 @@ async def test_a_kept_film_goes_on_with_cells_and_without(room: Records, alone: 
 async def test_who_is_slow_gets_fewer_paths(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """One of two takes twenty times as long for what it traces."""
     async with running(SlowPool(offline_world(), room, 2)) as pool:
-        image, state = await pool.render(JOB, replace(OPTIONS, samples=640))
+        image, state = await pool.render(JOB, replace(OPTIONS, samples=320))
     by_address = {node["address"]: node for node in state["nodes"]}
     quick, slow = (by_address[address_of(node)] for node in pool.nodes)
     assert slow["casts"] < quick["casts"] / 2

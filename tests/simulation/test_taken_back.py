@@ -75,7 +75,7 @@ async def create_again(stage: Stage, place: Location, told: Counter[str]) -> Non
         await trio.sleep(READ_PAUSE_S)
 
 
-@pytest.mark.parametrize("point", [Point.BEFORE_COMMIT, Point.AFTER_COMMIT])
+@pytest.mark.parametrize("point", [Point.BEFORE_COMMIT, pytest.param(Point.AFTER_COMMIT, marks=pytest.mark.long)])
 def test_no_record_is_denied_while_the_receiver_of_its_piece_is_removed(point: Point) -> None:
     told = Counter[str]()
 
