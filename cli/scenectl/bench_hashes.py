@@ -28,6 +28,7 @@ class HashesBench:
 
 def algorithms_of(names: str) -> tuple[str, ...]:
     """Those between commas; UsageFault if one does not exist. `all`: those that move cells."""
+    from scenefold.base.errors import UsageFault
     from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE, check_algorithm
 
     if names == ALL:
@@ -35,6 +36,10 @@ def algorithms_of(names: str) -> tuple[str, ...]:
     found = tuple(names.split(","))
     for name in found:
         check_algorithm(name)
+    if WHOLE in found:
+        raise UsageFault(
+            f"{WHOLE} has no cells", where="algorithm", remedy="name algorithms that cut space; its bits are tested by themselves"
+        )
     return found
 
 

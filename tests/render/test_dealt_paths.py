@@ -19,6 +19,7 @@ from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import EVERYTHING, check_whole, read_tables
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader, Records, memory_pool, running, sha256_of
+from scenefold.render.renderers.embree.renderer import EmbreeScene
 from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(width=96, height=72, samples=160, seed=3, sky=(0.2, 0.3, 0.5), depth=4, algorithm="whole")
@@ -61,9 +62,18 @@ async def test_the_image_is_the_same_and_no_ray_leaves_its_node(room: Records, a
     assert state["moved"] == 0 and state["closed"] == 17
 
 
-@pytest.mark.parametrize("faults", [Faults(lost=0.05), Faults(doubled=0.2, late=0.3)], ids=["lost", "doubled and late"])
+@pytest.mark.parametrize("faults", [Faults(lost=0.2), Faults(doubled=0.2, late=0.3)], ids=["lost", "doubled and late"])
 async def test_whatever_the_network_does(room: Records, alone: str, faults: Faults) -> None:
     async with running(FaultyPool(offline_world(), room, 3, faults)) as pool:
+        image, state = await pool.render(JOB, OPTIONS)
+    assert sha256_of(image) == alone
+    assert not faults.lost or (pool.dropped and sum(node["packets_resent"] for node in state["nodes"]))
+
+
+async def test_threads_share_what_a_node_is_dealt(room: Records, alone: str) -> None:
+    async with memory_pool(offline_world(lanes={"render": 3}), room, 2) as pool:
+        for host in pool.hosts.values():
+            host.render_threads = 3
         image, _ = await pool.render(JOB, OPTIONS)
     assert sha256_of(image) == alone
 
@@ -102,14 +112,15 @@ async def test_a_kept_film_goes_on_with_cells_and_without(room: Records, alone: 
         assert state["paths_before"] > 0
 
 
-async def test_who_is_slow_gets_fewer_paths(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_who_is_slow_gets_fewer_paths(room: Records) -> None:
     """One of two takes twenty times as long for what it traces."""
     async with running(SlowPool(offline_world(), room, 2)) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, samples=320))
     by_address = {node["address"]: node for node in state["nodes"]}
     quick, slow = (by_address[address_of(node)] for node in pool.nodes)
     assert slow["casts"] < quick["casts"] / 2
-    assert image
+    async with memory_pool(offline_world(), room, 1) as pool:
+        assert sha256_of(image) == sha256_of((await pool.render(JOB, replace(OPTIONS, samples=320)))[0])
 
 
 class SlowPool(MemoryPool):
@@ -146,6 +157,23 @@ async def test_a_scene_that_is_too_large_for_a_node_is_refused_with_what_to_do(r
         owner = await pool.start(JOB, OPTIONS)
         state = await pool.until(JOB, owner, "done", "failed")
         assert state["phase"] == "failed" and "the whole scene takes some" in state["failure"] and "another --algorithm" in state["failure"]
+
+
+async def test_a_renderer_whose_rays_cannot_be_addressed_anew_is_refused(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What becomes of its rays may depend on which others are traced with them."""
+    plain = EmbreeScene.tracers
+    monkeypatch.setattr(EmbreeScene, "tracers", lambda self, count: [_Plain(tracer) for tracer in plain(self, count)])
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        state = await pool.until(JOB, owner, "done", "failed")
+    assert state["phase"] == "failed" and "paths cannot be dealt" in state["failure"]
+
+
+class _Plain:
+    """A tracer that does no more than it must."""
+
+    def __init__(self, tracer: Any) -> None:
+        self.generate, self.advance = tracer.generate, tracer.advance
 
 
 async def test_what_was_addressed_by_older_cells_stays_with_who_holds_everything() -> None:

@@ -74,7 +74,28 @@ def test_who_was_very_slow_and_has_nothing_to_do_is_tried_again() -> None:
     assert dealer.deal(3, 10_000, 5_000.2)[1] > 500
 
 
-def test_who_stalls_gets_less_at_once() -> None:
+def test_passes_with_few_paths_say_little() -> None:
+    """Where an image needs no more samples: what a part takes is the way there and back."""
+    dealer, paces, trip_s = Dealer(3), 300_000.0, (0.002, 0.06, 0.06)
+    now = 0.0
+
+    def render(number: int, count: int) -> list[int]:
+        nonlocal now
+        shares = dealer.deal(number, count, now)
+        for node, share in enumerate(shares):
+            dealer.reported(number, node, done(share), now + trip_s[node] + share / paces)
+        now += 0.3
+        return shares
+
+    for number in range(6):
+        before = render(number, RAYS)
+    for number in range(6, 21):
+        render(number, 12)
+    after = render(21, RAYS)
+    assert all(abs(one - other) < RAYS / 20 for one, other in zip(before, after, strict=True))
+
+
+def test_who_stalls_gets_less_soon() -> None:
     dealer = Dealer(2)
     for number in range(3):
         for node, share in enumerate(dealer.deal(number, 20_000, float(number))):
@@ -96,6 +117,8 @@ def test_a_part_is_done_only_once_all_of_it_is() -> None:
     dealer.reported(0, 1, Counts(created=5, retired=5, received=0), 0.01)
     dealer.reported(0, 1, Counts(created=5, retired=9_999, received=10_000), 0.01)
     dealer.reported(0, 1, Counts(created=5, retired=10_004, received=10_000), 0.01)
+    # Half of it came, in a frame of its own, and all of that is traced.
+    dealer.reported(0, 1, Counts(created=20_000, retired=25_000, received=5_000), 0.01)
     # Nothing of this was a measurement.
     assert dealer.deal(1, 20_000, 0.02) == [10_000, 10_000]
     dealer.closed(1)

@@ -101,6 +101,14 @@ def test_counts_that_are_the_last_leave_at_once() -> None:
     assert len(frame.batches) == 1 and frame.counts == [(1, Counts(1))]
 
 
+def test_rays_that_nothing_follows_leave_at_once() -> None:
+    box = PeerOutbox()
+    box.put_counts(1, Counts(1), 4.99)
+    box.put_rays(1, 1, rays(1), 5.0, are_all=True)
+    (frame,) = frames(box, 5.0)
+    assert len(frame.batches) == len(frame.counts) == 1
+
+
 def test_counts_alone_are_not_hurried() -> None:
     box = PeerOutbox()
     box.put_counts(1, Counts(1), 5.0)
@@ -163,6 +171,10 @@ def test_threads_that_have_nothing_to_do_share_what_there_is() -> None:
     for number in range(8):
         queue.put(number, rays(8_000))
     assert [len(queue.take_share(4 - taken)) for taken in range(4)] == [2, 2, 2, 2]
+    # Also of one heap in one piece.
+    queue.put(3, rays(60_000, 3))
+    parts = [queue.take_share(4 - taken) for taken in range(4)]
+    assert [sum(len(work.rays) for work in part) for part in parts] == [15_000] * 4
     for number in range(8):
         queue.put(number, rays(100))
     # So little is not worth more than one hand-over.

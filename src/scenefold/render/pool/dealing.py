@@ -12,7 +12,13 @@ from scenefold.render.ledger import Counts
 PROBE_RAYS = 64
 """At least so many get those who have nothing else to do: else nobody would ever learn that they are quick again."""
 _GAIN = 0.5
-"""Of a new measurement."""
+"""Of a new measurement. One that says that a node is slower than it was counts less if it is of fewer rays than `_SOUND_RAYS`:
+what it took is mostly the way there and back."""
+_SOUND_RAYS = 8_192
+_PATIENCE_S = 0.25
+"""Later than expected, before a part says that its node is slower."""
+_COPIED_RAYS = 4_096
+"""So few do not keep all of their pass in memory while they wait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +61,29 @@ class Dealer:
         found, first = {}, 0
         for node, count in enumerate(self.deal(number, len(rays), now)):
             if count:
-                found[node] = rays[first : first + count]
+                part = rays[first : first + count]
+                found[node] = part.copy() if count < _COPIED_RAYS else part
                 first += count
         return found
 
     def reported(self, number: int, node: int, counts: Counts, now: float, *, is_owner: bool = False) -> None:
         """A node's counts of a pass: its part may be done. The owner's own rays are among those that it created."""
         part = self._parts[node].get(number)
-        if part is None or counts.retired < part.rays:
+        if part is None:
             return
-        is_done = (
-            counts.created + counts.received == counts.retired + counts.sent
-            if is_owner
-            else counts.received + counts.created == counts.retired
-        )
+        if is_owner:
+            is_done = counts.retired >= part.rays and counts.created + counts.received == counts.retired + counts.sent
+        else:
+            is_done = counts.received >= part.rays and counts.created + counts.received == counts.retired
         if not is_done:
             return
         del self._parts[node][number]
         pace, measured = self._paces[node], part.rays / max(now - part.dealt_at, 1e-3)
-        self._paces[node] = measured if pace is None else pace + _GAIN * (measured - pace)
+        if pace is None:
+            self._paces[node] = measured
+            return
+        weight = 1.0 if measured > pace else min(1.0, part.rays / _SOUND_RAYS)
+        self._paces[node] = pace + _GAIN * weight * (measured - pace)
 
     def closed(self, number: int) -> None:
         """A pass has ended: nobody has a part of it any more."""
@@ -86,7 +96,9 @@ class Dealer:
         paces = [presumed if pace is None else pace for pace in self._paces]
         if not presumed:
             return [1.0] * len(paces)
-        return [
-            min([pace, *(part.rays / max(now - part.dealt_at, 1e-3) for part in parts.values())])
-            for pace, parts in zip(paces, self._parts, strict=True)
-        ]
+        return [min([pace, *self._late(node, pace, now)]) for node, pace in enumerate(paces)]
+
+    def _late(self, node: int, pace: float, now: float) -> list[float]:
+        """What the parts say of a node's pace that it should have done by now."""
+        waits = ((part.rays, now - part.dealt_at) for part in self._parts[node].values())
+        return [rays / wait_s for rays, wait_s in waits if wait_s > rays / pace + _PATIENCE_S]

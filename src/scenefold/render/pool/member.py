@@ -363,7 +363,7 @@ class Member:
         sent = 0
         for index, rays in leaving.items():
             if len(rays):
-                self._links[index].put_rays(cell.partition.epoch, number, np.ascontiguousarray(rays))
+                self._links[index].put_rays(cell.partition.epoch, number, np.ascontiguousarray(rays), are_all=self._dealer is not None)
                 sent += len(rays)
         self.statistics.rays_sent += sent
         return sent
@@ -382,7 +382,6 @@ class Member:
         if owner == self._me:
             self._report(self._me, number, counts)
             return
-        # Where no ray comes from anywhere else, this was all of it.
         self._links[owner].put_counts(number, counts, are_last=self._dealer is not None)
 
     def _report(self, node: int, number: int, counts: Counts) -> None:

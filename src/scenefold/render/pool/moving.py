@@ -14,7 +14,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
 from scenefold.partition.value import EPOCH_MAX
 from scenefold.render.content import share_of
-from scenefold.render.contract import MovableScene, OpenScene, Renderer, Tracer
+from scenefold.render.contract import MovableScene, OpenScene, Renderer, RoutingTracer, Tracer
 from scenefold.render.job import Job
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.host import Host
@@ -161,7 +161,14 @@ class Moving:
         if self._is_over:
             await host.world.workers.run(LANE, scene.close)
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is over")
-        return Held(self._cell(partition, scene.tracers(host.render_threads), place), loaded, scene)
+        tracers = scene.tracers(host.render_threads)
+        if job.whole and not all(isinstance(tracer, RoutingTracer) for tracer in tracers):
+            await host.world.workers.run(LANE, scene.close)
+            raise LocalFault(
+                "the renderer's rays depend on what is traced with them, so paths cannot be dealt",
+                remedy="render with cells, or on one node",
+            )
+        return Held(self._cell(partition, tracers, place), loaded, scene)
 
     def _cell(self, partition: Partition, tracers: Sequence[Tracer], place: int) -> Cell:
         return Cell(partition, tracers, place if self._job.whole else None)

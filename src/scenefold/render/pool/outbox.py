@@ -2,7 +2,7 @@
 
 All of it leaves together, in one frame: a frame costs what a thousand rays cost to trace, however small it is. So it
 lingers for a moment, or until there are enough rays, or until its node has nothing else to do (`hurry`), but even then
-for long enough that a few rays do not go to and fro in frames of their own. While a frame is on its way, or waits for
+for long enough that a few rays do not go to and fro in frames of their own. What nothing will follow leaves at once. While a frame is on its way, or waits for
 credit, what comes after it gathers for the next one.
 """
 
@@ -77,15 +77,15 @@ class PeerOutbox:
         self._is_ripe = False
         self._hurries = False
 
-    def put_rays(self, epoch: int, number: int, rays: U32, now: float) -> None:
-        """Queue rays of a pass that are addressed by the partition of this epoch."""
+    def put_rays(self, epoch: int, number: int, rays: U32, now: float, *, are_all: bool = False) -> None:
+        """Queue rays of a pass that are addressed by the partition of this epoch. `are_all`: no more of it will follow, so they leave at once."""
         self._rays.setdefault((epoch, number), []).append(rays)
         self._waiting += len(rays)
-        self._is_ripe = self._is_ripe or self._waiting >= FRAME_RAYS_ENOUGH
+        self._is_ripe = self._is_ripe or are_all or self._waiting >= FRAME_RAYS_ENOUGH
         self._begin(now)
 
     def put_counts(self, number: int, counts: Counts, now: float, *, are_last: bool = False) -> None:
-        """Queue counts of a pass, in place of those that still wait. `are_last`: no more will follow, and the pass may close: they leave at once."""
+        """Queue counts of a pass, in place of those that still wait. `are_last`: as far as is known no more will follow, and the pass may close: they leave at once."""
         self._counts[number] = counts
         self._is_ripe = self._is_ripe or are_last
         self._begin(now)

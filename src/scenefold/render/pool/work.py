@@ -67,12 +67,12 @@ class WorkQueue:
         return self.take_some(min(TAKE_RAYS_MAX, max(SHARE_RAYS_MIN, share)))
 
     def take_some(self, room: int = TAKE_RAYS_MAX) -> list[Work]:
-        """Rays of those passes of which most wait, largest heaps first, so many in all, or of the first pass alone. Each is busy until `done`."""
+        """Rays of those passes of which most wait, largest heaps first, so many in all. Each is busy until `done`."""
         taken: list[Work] = []
         for number in self._largest_first():
             if taken and self._sizes[number] > room:
                 continue
-            taken.append(self._take_of(number))
+            taken.append(self._take_of(number, room))
             room -= len(taken[-1].rays)
         return taken
 
@@ -83,14 +83,18 @@ class WorkQueue:
         """Rays of the pass of which most wait, or None. The pass is busy until `done`."""
         if not self._waiting:
             return None
-        return self._take_of(self._largest_first()[0])
+        return self._take_of(self._largest_first()[0], TAKE_RAYS_MAX)
 
-    def _take_of(self, number: int) -> Work:
+    def _take_of(self, number: int, room: int) -> Work:
         batches, count = self._waiting[number], 0
         taken: list[U32] = []
-        while batches and (not taken or count + len(batches[0]) <= TAKE_RAYS_MAX):
-            taken.append(batches.popleft())
-            count += len(taken[-1])
+        while batches and count < room:
+            rays = batches.popleft()
+            if count + len(rays) > room:
+                batches.appendleft(rays[room - count :])
+                rays = rays[: room - count]
+            taken.append(rays)
+            count += len(rays)
         self._sizes[number] -= count
         if not batches:
             del self._waiting[number], self._sizes[number]

@@ -44,13 +44,13 @@ class Link:
 
     # What this node says -------------------------------------------------------------------------------------
 
-    def put_rays(self, epoch: int, number: int, rays: U32) -> None:
-        """Rays of a pass, u32[n, RAY_WORDS], addressed by the partition of an epoch."""
+    def put_rays(self, epoch: int, number: int, rays: U32, *, are_all: bool = False) -> None:
+        """Rays of a pass, u32[n, RAY_WORDS], addressed by the partition of an epoch. `are_all`: no more of it will follow."""
         with self._filling():
-            self._outbox.put_rays(epoch, number, rays, self._clock.now())
+            self._outbox.put_rays(epoch, number, rays, self._clock.now(), are_all=are_all)
 
     def put_counts(self, number: int, counts: Counts, *, are_last: bool = False) -> None:
-        """Counts of a pass, for its owner. `are_last`: no more will follow."""
+        """Counts of a pass, for its owner. `are_last`: as far as is known no more will follow."""
         with self._filling():
             self._outbox.put_counts(number, counts, self._clock.now(), are_last=are_last)
 
