@@ -262,7 +262,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "sums of all nodes": (Patch("scenefold.render.pool.member", "Member._close", without_a_node),),
     "rays by epoch": (Patch("scenefold.render.pool.member", "Member.on_rays", wherever_they_come),),
     "credit of links": (Patch("scenefold.render.pool.links.sender", "Sender.may_send", _always(True)),),
-    "packets count once": (Patch("scenefold.render.pool.links.link", "Link.counts", however_often_it_comes),),
+    "packets count once": (Patch("scenefold.render.pool.links.link", "Link.is_new", however_often_it_comes),),
     "films handed on once": (Patch("scenefold.render.pool.films", "Films.forget_gathered", kept_beside),),
     "renders let go": (Patch("scenefold.render.watch", "Watch.let_go", held_for_ever),),
 }
