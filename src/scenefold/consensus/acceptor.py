@@ -26,11 +26,17 @@ class Visit:
         self.case, self.sender, self.message = case, sender, message
         self.ballot, self.origin = message.proposal.ballot, message.proposal.ballot.node
         self.row: Row | None = None
+        self.slot = case.slot
         self.facts, self.highest = message.facts, message.highest
         if message.proposal.position == case.open_position:
             digest, genesis = message.digest, case.setting.genesis
             self.facts = merged(true_facts(message.facts, message.proposal, digest, genesis, case.participants))
             self.highest = highest_of(self.facts, () if message.highest is None else (message.highest,))
+
+    @property
+    def is_news(self) -> bool:
+        """Whether it shows that somebody is at it: who has kept a packet can send it again at any time."""
+        return self.case.slot != self.slot or self.sender in self.case.participants.nodes
 
 
 def visit(case: Case, sender: NodeId, message: Propose) -> None:
@@ -74,6 +80,11 @@ def too_far_ahead(guest: Visit) -> bool:
 def takes_no_part(guest: Visit) -> bool:
     """this incarnation of this node is not in P(L)"""
     return not guest.case.takes_part
+
+
+def not_of_a_participant(guest: Visit) -> bool:
+    """no node of P(c + 1) has brought it: whatever it holds, this node is not made to carry and keep it"""
+    return guest.sender not in guest.case.participants.nodes
 
 
 def of_a_stranger(guest: Visit) -> bool:
@@ -172,8 +183,9 @@ def _refuse(guest: Visit, reason: RejectReason) -> None:
 
 
 def tell_log(guest: Visit) -> None:
-    """send what is decided from L on, to whoever brought it and to the originator"""
-    for target in dict.fromkeys((guest.sender, guest.origin)):
+    """send what is decided from L on, to whoever brought it and, if it is of P(c + 1), to the originator"""
+    origin = {guest.origin} & guest.case.participants.nodes
+    for target in dict.fromkeys((guest.sender, *origin)):
         guest.case.do(Tell(target, guest.message.proposal.position - 1))
 
 
@@ -195,6 +207,8 @@ def vote(guest: Visit) -> None:
     """`promised` becomes this ballot, `accepted` this ballot and value, durably; the own vote joins the facts"""
     assert guest.message.value is not None
     guest.facts = merged(guest.facts, (guest.case.vote(guest.ballot, guest.message.value),))
+    if guest.is_news:
+        guest.case.find_link()
 
 
 def count(guest: Visit) -> None:
@@ -207,8 +221,8 @@ def count(guest: Visit) -> None:
 
 
 def hear(guest: Visit) -> None:
-    """the wait for T_ORPHAN begins anew"""
-    if guest.case.decided is None:
+    """the wait for T_ORPHAN begins anew, unless this is known here and somebody else has brought it: whoever has kept a packet"""
+    if guest.case.decided is None and guest.is_news:
         guest.case.hear()
 
 
@@ -225,6 +239,7 @@ GUARDS = named(
         decided_already,
         too_far_ahead,
         takes_no_part,
+        not_of_a_participant,
         of_a_stranger,
         not_first,
         not_of_its_originator,

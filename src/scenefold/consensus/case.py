@@ -85,8 +85,7 @@ class Case:
         return self._sign(Promise(self.open_position, ballot, accepted, digest, self.setting.me))
 
     def vote(self, ballot: Ballot, value: Value) -> Vote:
-        """Vote for a value, and say so. Who asks for it, lives."""
-        self.state = replace(self.state, orphaned=None)
+        """Vote for a value, and say so."""
         self.change_slot(self.slot.vote(ballot, value))
         return self._sign(Vote(self.open_position, ballot, value.digest, self.setting.me))
 
@@ -112,6 +111,10 @@ class Case:
             least, base = self.rank() * self.setting.timing.base_s, self.setting.timing.base_s
             self.set_timer(Timer(Waits.ORPHAN), least, least + base)
 
+    def find_link(self) -> None:
+        """Whoever began what this node has voted for lives after all."""
+        self.state = replace(self.state, orphaned=None)
+
     def rank(self) -> int:
         """This node's place among the participants, in the order of the line."""
         return in_line(self.participants.nodes, self.view.line).index(self.me)
@@ -130,7 +133,9 @@ class Case:
                 reason = None if is_it else RejectReason.POSITION_BEHIND
                 self.do(Reply(digest, Outcome.COMMITTED if is_it else Outcome.REJECTED, self.open_position, reason))
         position, judge = self.open_position, self.state.judge.after(value)
-        self.state = replace(self.state, judge=judge, position=position, slot=Slot(), tries=0, heard_at=NEVER, orphaned=None)
+        # Their values are known now, to whoever has a use for them.
+        hops = tuple(replace(hop, value=None) if hop.proposal.position <= position else hop for hop in self.state.hops)
+        self.state = replace(self.state, judge=judge, position=position, slot=Slot(), tries=0, hops=hops, heard_at=NEVER, orphaned=None)
 
     def tell_everybody(self) -> None:
         """All who took part in what was decided, and all who take part in what comes next."""
@@ -155,10 +160,13 @@ class Case:
         self.do(SetTimer(timer, least_s, most_s))
 
     def ask_log(self, target: NodeId) -> None:
-        """Ask for what is decided above c, unless that was asked a moment ago. What comes in the wrong order must not be asked for
+        """Ask for what is decided above c, unless that was asked a moment ago: of participants, or of others, who can keep nobody from asking those. What comes in the wrong order must not be asked for
         again by each that comes too early: with a disk that refuses the first, that would never end."""
-        if self.view.now - self.state.asked_at >= self.setting.timing.pass_s_min:
-            self.state = replace(self.state, asked_at=self.view.now)
+        is_known = target in self.participants.nodes
+        asked_at = self.state.asked_at if is_known else self.state.asked_others_at
+        if self.view.now - asked_at >= self.setting.timing.pass_s_min:
+            now = self.view.now
+            self.state = replace(self.state, asked_at=now) if is_known else replace(self.state, asked_others_at=now)
             self.send(target, AskLog(self.setting.genesis, self.state.position))
 
     def step(self) -> Step[State]:

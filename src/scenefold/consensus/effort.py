@@ -9,7 +9,7 @@ from scenefold.consensus.ballots import NO_BALLOT, next_ballot
 from scenefold.consensus.case import Case
 from scenefold.consensus.choosing import Choice, choose
 from scenefold.consensus.events import Ask
-from scenefold.consensus.facts import Refusal, is_true, merged, true_facts
+from scenefold.consensus.facts import Promise, Refusal, is_true, merged, true_facts
 from scenefold.consensus.messages import Answer, Rejected
 from scenefold.consensus.state import Proposal
 from scenefold.consensus.tables import Row
@@ -59,7 +59,10 @@ class Effort:
         facts = merged(proposal.facts, new)
         arms = proposal.arms - {sender} if len(facts) < len(case.participants.everyone) else frozenset[NodeId]()
         values, highest = proposal.values, None if isinstance(message, Rejected) else message.highest
-        if highest is not None and highest not in values and case.state.judge.refuses(highest) is None:
+        is_named = highest is not None and any(
+            isinstance(fact, Promise) and fact.accepted != NO_BALLOT and fact.digest == highest.digest for fact in facts
+        )
+        if highest is not None and is_named and highest not in values and case.state.judge.refuses(highest) is None:
             # Who hands it on may have left out or changed what the digest holds at second hand.
             values = (*values, highest)
         self.change(facts=facts, arms=arms, values=values)

@@ -116,4 +116,6 @@ class State:
     orphaned: Ballot | None = None
     """The ballot that this node has voted in, if the link to its node was lost since."""
     asked_at: float = NEVER
-    """When this node last asked for what is decided."""
+    """When this node last asked a participant for what is decided."""
+    asked_others_at: float = NEVER
+    """The same of others."""

@@ -15,8 +15,10 @@ from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import (
     Ask,
+    AskLog,
     Certificate,
     Learn,
+    Lost,
     Message,
     Participant,
     Participants,
@@ -27,9 +29,11 @@ from scenefold.consensus import (
     Refusal,
     Rejected,
     Send,
+    SetTimer,
     Setting,
     Stage,
     State,
+    Tell,
     Value,
     View,
     Vote,
@@ -37,6 +41,9 @@ from scenefold.consensus import (
 )
 from scenefold.consensus.effects import Decide, Step
 from scenefold.consensus.facts import signed
+from scenefold.consensus.messages import Accepted
+from scenefold.consensus.timing import Timer, Waits
+from scenefold.consensus.values import NO_DIGEST
 from scenefold.crypto import SigningKey
 from scenefold.wire import Ballot, Phase, ProposalId
 from unit.consensus.logs_made import GENESIS, Book, member
@@ -179,3 +186,97 @@ def test_20_a_value_that_its_promise_does_not_name_is_not_taken_over() -> None:
     step = at_b(replace(proposal(Phase.PREPARE), highest=BOOK.value("slipped in", A)))
     [handed_on] = [effect.message for effect in step.effects if isinstance(effect, Send)]
     assert isinstance(handed_on, Propose) and handed_on.highest is None
+
+
+FIVE = tuple(map(NodeId, range(1, 6)))
+LARGE = Book(Participants(tuple(Participant(member(node), key(node).public) for node in FIVE)))
+WIDE_VIEW = View(0.0, FIVE, frozenset(FIVE), frozenset(FIVE))
+STRANGER = NodeId(9)
+"""A node that takes no part, and lives."""
+
+
+def heard(message: Message, sender: NodeId, state: State | None = None, now: float = 0.0, me: int = B) -> Step[State]:
+    return take(Setting(GENESIS, member(me), key(me)), state or State(BOOK), Received(sender, message), replace(VIEW, now=now))
+
+
+def decided() -> State:
+    """B, which knows position 1."""
+    return at_b(Learn(GENESIS, 1, VALUE, Certificate(1, BALLOT, (vote(A), vote(C))))).after
+
+
+def test_20_nobody_is_told_a_log_because_somebody_else_names_it() -> None:
+    """What is decided is megabytes: whoever brings an old proposal gets it, and whom its ballot names only if it takes part."""
+    made_up = replace(proposal(Phase.ACCEPT), proposal=ProposalId(1, Ballot(1, NodeId(77)), Phase.ACCEPT))
+    assert [effect.target for effect in heard(made_up, STRANGER, decided()).effects if isinstance(effect, Tell)] == [STRANGER]
+    told = [effect.target for effect in heard(proposal(Phase.ACCEPT), C, decided()).effects if isinstance(effect, Tell)]
+    assert told == [C, A]
+
+
+@pytest.mark.parametrize("me, position", [(B, 5), (STRANGER, 1)], ids=["too far ahead", "takes no part"])
+def test_20_nobody_carries_what_a_stranger_brings(me: int, position: int) -> None:
+    """None of it can be looked at: it may be megabytes of nothing, for anybody, and would be kept until it has come home."""
+    plain = proposal(Phase.ACCEPT)
+    ahead = replace(plain, proposal=replace(plain.proposal, position=position), route=(A, NodeId(me), C))
+    step = heard(ahead, STRANGER if me == B else NodeId(8), me=me)
+    assert not step.after.hops and not [
+        effect for effect in step.effects if isinstance(effect, Send) and isinstance(effect.message, Propose)
+    ]
+    # What a participant brings is handed on, as it always was.
+    carried = heard(ahead, A, me=me)
+    assert [effect.target for effect in carried.effects if isinstance(effect, Send) and isinstance(effect.message, Propose)] == [C]
+    assert len(carried.after.hops) == 1
+
+
+def test_20_a_stranger_keeps_nobody_from_asking_a_participant() -> None:
+    ahead = Learn(GENESIS, 9, VALUE, Certificate(9, BALLOT, ()))
+
+    def asked(step: Step[State]) -> list[NodeId]:
+        return [effect.target for effect in step.effects if isinstance(effect, Send) and isinstance(effect.message, AskLog)]
+
+    first = heard(ahead, STRANGER)
+    assert asked(first) == [STRANGER]
+    assert asked(heard(ahead, NodeId(8), first.after, 0.5)) == [], "one of them, once in a while"
+    second = heard(ahead, C, first.after, 0.1)
+    assert asked(second) == [C]
+    assert asked(heard(ahead, A, second.after, 0.2)) == []
+
+
+def test_20_whoever_has_kept_a_packet_holds_no_takeover_up() -> None:
+    """B has voted, and heard of it a while ago: the same ACCEPT once more is news only from one who takes part."""
+    value = LARGE.value("it", A)
+    message = replace(proposal(Phase.ACCEPT), route=WIDE_VIEW.line, facts=(vote(A, value),), value=value)
+    setting = Setting(GENESIS, member(B), key(B))
+    voted = take(setting, State(LARGE), Received(A, message), WIDE_VIEW).after
+    lost = take(setting, voted, Lost(A), WIDE_VIEW).after
+    assert voted.heard_at == 0.0 and lost.orphaned == BALLOT
+    again = take(setting, lost, Received(STRANGER, message), replace(WIDE_VIEW, now=5.0))
+    assert again.after.heard_at == 0.0 and again.after.orphaned == BALLOT
+    assert not any(isinstance(effect, SetTimer) and effect.timer == Timer(Waits.ORPHAN) for effect in again.effects)
+    from_one = take(setting, lost, Received(C, message), replace(WIDE_VIEW, now=5.0))
+    assert from_one.after.heard_at == 5.0 and from_one.after.orphaned is None
+
+
+def test_20_bytes_that_no_promise_names_are_not_kept() -> None:
+    setting = Setting(GENESIS, member(A), key(A))
+    asked = take(setting, State(LARGE), Ask(LARGE.value("it", A), 30.0), WIDE_VIEW).after
+    current, other = asked.proposal.id, LARGE.value("voted for before", C)
+    assert current is not None
+    named = signed(Promise(1, current.ballot, Ballot(1, NodeId(0)), other.digest, member(C)), GENESIS, key(C))
+
+    def kept(fact: Promise) -> tuple[Value, ...]:
+        answer = Accepted(GENESIS, current, NO_DIGEST, (fact,), other)
+        return take(setting, asked, Received(C, answer), WIDE_VIEW).after.proposal.values
+
+    assert kept(promise(C, current.ballot)) == ()
+    assert kept(named) == (other,)
+
+
+def test_20_values_of_what_is_decided_are_not_kept_for_the_way_home() -> None:
+    value = LARGE.value("it", A)
+    message = replace(proposal(Phase.ACCEPT), route=WIDE_VIEW.line, facts=(vote(A, value),), value=value)
+    setting = Setting(GENESIS, member(B), key(B))
+    carried = take(setting, State(LARGE), Received(A, message), WIDE_VIEW).after
+    assert carried.hops[0].value == value
+    learn = Learn(GENESIS, 1, value, Certificate(1, BALLOT, (vote(A, value), vote(C, value), vote(4, value))))
+    after = take(setting, carried, Received(C, learn), WIDE_VIEW).after
+    assert after.position == 1 and [hop.value for hop in after.hops] == [None]

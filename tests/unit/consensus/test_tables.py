@@ -25,6 +25,7 @@ ELSEWHERE = {
     "route_incomplete",
     "has_voted_otherwise_in_it",
     "unproven",
+    "not_of_a_participant",
     # What bodies bring: test_bodies.py.
     "without_its_body",
     # What nobody does by himself: test_bad_packets.py.

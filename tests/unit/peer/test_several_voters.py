@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 
@@ -118,6 +119,38 @@ def test_a_cluster_whose_power_fails_comes_back() -> None:
         await cluster.start(*range(5))
         await cluster.members(*range(5))
         assert not any(one.renewed for one in cluster.nodes.values())
+
+    simulate(scenario)
+
+
+def test_a_cluster_whose_power_fails_in_the_midst_of_a_vote_comes_back() -> None:
+    """Who has voted for what is not decided grants no leases; so it must be decided by itself, whoever began it."""
+
+    async def scenario(cluster: LogCluster) -> None:
+        await begun(cluster, *range(5))
+        before = cluster.nodes[0].log.registry.position
+        logs = [one.log.voting.voted.log for one in cluster.nodes.values()]
+
+        async def begin() -> None:
+            with suppress(Refused, Unreachable):
+                await cluster.nodes[2].log.propose(Trust(node(4), True, secrets_of(4).sealing.public.raw, b"anew"))
+
+        def voted() -> int:
+            return sum(log._state.slot.accepted is not None for log in logs)
+
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(begin)
+            with trio.fail_after(10.0):
+                while voted() < 3:  # noqa: ASYNC110  what it waits for is on disks, which tell nobody
+                    await trio.sleep(0.0001)
+            assert all(log.position == before for log in logs)
+            nursery.cancel_scope.cancel()
+        for number in range(5):
+            await cluster.crash(number)
+        await cluster.start(*range(5))
+        await cluster.members(*range(5), within_s=100.0)
+        await cluster.equal()
+        assert cluster.nodes[0].log.registry.position > before
 
     simulate(scenario)
 

@@ -18,7 +18,7 @@ from scenefold.peer.cluster_log.cluster_judge import ClusterJudge
 from scenefold.peer.cluster_log.lease_desk import LeaseDesk
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.cluster_log.voter_owner import VoterOwner
-from scenefold.peer.logs import Carrier, Log, Logs, Surroundings, open_log
+from scenefold.peer.logs import AT_ONCE_BYTES, Carrier, Log, Logs, Surroundings, open_log
 from scenefold.peer.logs.intake import Intake
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.waiters import Waiters
@@ -84,7 +84,7 @@ class VotedLog:
 
     async def _open(self, registry: Registry) -> None:
         me, ports = self._own.member, self._ports
-        setting, judge = Setting(self._genesis, me, self._own.key), ClusterJudge(registry)
+        setting, judge = Setting(self._genesis, me, self._own.key, at_once_bytes=AT_ONCE_BYTES), ClusterJudge(registry)
         log = await open_log(self._world, self._store, setting, judge, ports.carrier, ports.around, self.owner, position=registry.position)
         desk = LeaseDesk(self._world, self._store, me, lambda: _registry_of(log.judge), lambda: self.owner.has_accepted)
         if any(me in council.voters for council in _registry_of(log.judge).voting.councils):

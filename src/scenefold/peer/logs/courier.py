@@ -13,10 +13,13 @@ import trio
 from scenefold.base.errors import Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.consensus import Learn, Message
+from scenefold.peer.logs.inbox import bytes_of
 from scenefold.peer.logs.ports import Carrier
 
 WAITING_MAX = 512
 """Messages for one target: what is decided comes one by one."""
+WAITING_BYTES_MAX = 32 * 1024 * 1024
+"""Of the values in them."""
 
 
 class Courier:
@@ -25,26 +28,30 @@ class Courier:
     def __init__(self, nursery: trio.Nursery, carrier: Carrier, lost: Callable[[NodeId], None]) -> None:
         self._nursery, self._carrier, self._lost = nursery, carrier, lost
         self._waiting: dict[NodeId, deque[Message]] = {}
+        self._bytes: dict[NodeId, int] = {}
 
     def send(self, target: NodeId, message: Message) -> None:
         """Have it sent, after what was given before. Returns at once."""
-        waiting = self._waiting.get(target)
+        waiting, size = self._waiting.get(target), bytes_of(message)
         if waiting is None:
-            self._waiting[target] = deque([message])
+            self._waiting[target], self._bytes[target] = deque([message]), size
             self._nursery.start_soon(self._carry, target)
-        elif len(waiting) < WAITING_MAX:
+        elif len(waiting) < WAITING_MAX and self._bytes[target] + size <= WAITING_BYTES_MAX:
             waiting.append(message)
+            self._bytes[target] += size
 
     async def _carry(self, target: NodeId) -> None:
         waiting = self._waiting[target]
         try:
             while waiting:
                 message = waiting.popleft()
-                await self._carrier.send(target, message, *_behind(message, waiting))
+                behind = _behind(message, waiting)
+                self._bytes[target] -= sum(map(bytes_of, (message, *behind)))
+                await self._carrier.send(target, message, *behind)
         except Unreachable:
             self._lost(target)
         finally:
-            del self._waiting[target]
+            del self._waiting[target], self._bytes[target]
 
 
 def _behind(message: Message, waiting: deque[Message]) -> list[Learn]:

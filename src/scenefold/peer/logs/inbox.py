@@ -67,7 +67,12 @@ def _fits(certificate: Certificate) -> bool:
 
 def size_of(event: Event) -> int:
     """Of the values that it brings."""
-    return sum(len(value.data) + len(value.body) for value in _values_of(event.message)) if isinstance(event, Received) else 0
+    return bytes_of(event.message) if isinstance(event, Received) else 0
+
+
+def bytes_of(message: Message) -> int:
+    """Of the values in it."""
+    return sum(len(value.data) + len(value.body) for value in _values_of(message))
 
 
 def _values_of(message: Message) -> list[Value]:

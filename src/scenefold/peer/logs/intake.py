@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable
 
 from scenefold.base.ids import NodeId
-from scenefold.consensus import AskLog, Message
+from scenefold.consensus import AskLog, Message, Propose
 from scenefold.consensus.packets import messages_of
 from scenefold.peer.handlers import Handlers, Senders, node_of
 from scenefold.peer.logs.log import Log
@@ -24,7 +24,7 @@ STRANGERS_BURST = 64
 STRANGERS_PER_S = 16.0
 """Messages of a node about logs in which it takes no part, as far as is known here."""
 ASKING_COUNTS = 8
-"""Such messages that a question counts as: it is answered with 4 MiB."""
+"""Such messages that a question counts as, and what is proposed at a position that is decided: both are answered with 4 MiB."""
 
 _log = logging.getLogger("scenefold.peer.logs")
 
@@ -68,8 +68,14 @@ class Intake:
     def _is_welcome(self, log: Log, sender: NodeId, message: Message) -> bool:
         return sender in log.judge.participants.nodes or self._may_say(sender, message)
 
+    def _is_answered_at_length(self, message: Message) -> bool:
+        if isinstance(message, Propose):
+            log = self._logs.of(message.genesis)
+            return log is not None and message.proposal.position <= log.position
+        return isinstance(message, AskLog)
+
     def _may_say(self, sender: NodeId, message: Message) -> bool:
-        now, count = self._clock.now(), ASKING_COUNTS if isinstance(message, AskLog) else 1
+        now, count = self._clock.now(), ASKING_COUNTS if self._is_answered_at_length(message) else 1
         if self._of_strangers.take(str(sender), now, count):
             return True
         self._quiet.say(now, f"node:{sender}", "log", "it says more about logs in which it takes no part than is looked at")

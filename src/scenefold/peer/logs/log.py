@@ -85,6 +85,7 @@ class Log:
         self._sync_at = world.clock.now()
         self._to_ask: set[NodeId] = set()
         self._asked_at = float("-inf")
+        self._is_restated = False
         self.taken_over = 0
         """Proposals of others that this node has begun to bring to an end."""
 
@@ -115,8 +116,11 @@ class Log:
             self._inbox.put(Received(sender, message))
 
     def restate(self) -> None:
-        """Whether this node speaks has changed: its owner hears once more how the open position stands."""
+        """Whether this node speaks has changed: its owner hears once more how the open position stands, and the machine begins as after a
+        start, since who was silent then took over nothing of what it has voted for."""
         self._owner.stands(self._state.slot, is_silent=self.is_silent)
+        self._is_restated = True
+        self._inbox.wake()
 
     def lost(self, node: NodeId) -> None:
         """A connection to a node is refused, or broken."""
@@ -171,12 +175,15 @@ class Log:
 
     def _next(self) -> Event | None:
         """Time first: it is over when it is over. Then what came, and then what is asked for here."""
+        if self._is_restated:
+            self._is_restated = False
+            return Started()
         timer = self._timers.take()
         if timer is not None:
             return TimeOver(timer)
         event: Event | None = self._ahead.take(self._state.position)
         event = event or self._inbox.take()
-        if isinstance(event, Received) and isinstance(event.message, Learn):
+        if isinstance(event, Received) and isinstance(event.message, Learn) and event.sender in self._state.judge.participants.nodes:
             self._ahead.keep(event, self._state.position)
         if event is None and self._state.proposal.stage is Stage.IDLE:
             event = self._asking.next(self._state, self._world.clock.now())

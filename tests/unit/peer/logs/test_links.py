@@ -12,12 +12,12 @@ import trio
 from scenefold.base.errors import LocalFault, NotReached, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import AskLog, Learn
+from scenefold.consensus import AskLog, Learn, Propose, Value
 from scenefold.consensus.packets import packet_of, pages_of
 from scenefold.peer.logs import Logs
 from scenefold.peer.logs.intake import ASKING_COUNTS, STRANGERS_BURST, Intake
 from scenefold.peer.logs.links import LOOK_S, NodePorts
-from scenefold.wire import Packet, RequestSceneLog, RespondSceneLog, Want
+from scenefold.wire import Ballot, Packet, Phase, ProposalId, RequestSceneLog, RespondSceneLog, Want
 from scenefold.world import Priority
 from unit.consensus.logs_made import GENESIS, member
 from unit.peer.logs.test_parts import learn
@@ -38,7 +38,7 @@ class Heard:
     """A log that remembers what it is given."""
 
     def __init__(self, genesis: bytes = GENESIS) -> None:
-        self.genesis = genesis
+        self.genesis, self.position = genesis, 7
         self.judge = SimpleNamespace(participants=SimpleNamespace(nodes=frozenset({ONE, TWO})))
         self.received: list[tuple[NodeId, Any]] = []
         self.lost_nodes: list[NodeId] = []
@@ -104,6 +104,14 @@ def test_who_takes_no_part_says_only_so_much() -> None:
     for _ in range(STRANGERS_BURST):
         intake.take(packet_of(AskLog(GENESIS, 0)), f"node:{STRANGER}")
     assert len(log.received) == STRANGERS_BURST // ASKING_COUNTS
+    # What is decided already is answered with as much.
+    for position, taken in ((7, STRANGERS_BURST // ASKING_COUNTS), (8, STRANGERS_BURST)):
+        clock.time += 100.0
+        log.received.clear()
+        for _ in range(STRANGERS_BURST):
+            proposal = Propose(GENESIS, ProposalId(position, Ballot(1, ONE), Phase.ACCEPT), (ONE, TWO), (), value=Value(b"data"))
+            intake.take(packet_of(proposal), f"node:{STRANGER}")
+        assert len(log.received) == taken
 
 
 async def test_messages_leave_as_packets_and_who_cannot_get_them_is_not_reached() -> None:

@@ -12,7 +12,7 @@ import trio
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Decide, Judge, Outcome, Propose, State, Value
+from scenefold.consensus import Certificate, Decide, Judge, Learn, Outcome, Propose, State, Value
 from scenefold.consensus.timing import Timing
 from scenefold.peer.logs import Answer, Owner
 from scenefold.peer.logs.asking import WAITING_MAX, Asking
@@ -125,6 +125,66 @@ def test_without_a_majority_nothing_is_decided_and_the_answer_says_so() -> None:
         town.start(town.nodes[2])
         assert (await ask(town.nodes[1], "together")).outcome is Outcome.COMMITTED
         assert log_on(town.nodes[1].disk) == ["together"]
+
+    in_town(3, main)
+
+
+class Sleeper(Owner):
+    """Of nodes that say nothing for a while after a start."""
+
+    is_awake = True
+
+    def speaks(self) -> bool:
+        return self.is_awake
+
+
+def test_what_silent_nodes_have_voted_for_is_taken_over_once_they_speak() -> None:
+    """The power fails when three of five have voted, and nobody knows that it is decided; nothing else is ever asked for."""
+    owner = Sleeper()
+
+    async def main(town: Town) -> None:
+        async def begin() -> None:
+            await ask(town.nodes[2], "begun", 1.0)
+
+        def voters() -> int:
+            return sum(slot_on(node.disk)[1].accepted is not None for node in town.nodes.values())
+
+        for number in (4, 5):
+            town.crash(town.nodes[number], silent=True)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(begin)
+            assert await until(lambda: voters() == 3, look_s=0.0001)
+            for node in town.nodes.values():
+                town.crash(node)
+        assert logs(town) == {()} and voters() == 3
+        owner.is_awake = False
+        for node in town.nodes.values():
+            await node.gone.wait()
+            town.start(node)
+        assert await until(lambda: len(town.up()) == 5)
+        await trio.sleep(1.0)
+        owner.is_awake = True
+        for node in town.nodes.values():
+            assert node.log is not None
+            node.log.restate()
+        assert await until(lambda: logs(town) == {("begun",)}, 60.0)
+
+    in_town(5, main, owner=owner)
+
+
+def test_what_strangers_say_is_decided_later_is_not_kept() -> None:
+    """Nobody can tell yet whether it is; each log of a node keeps megabytes of such."""
+
+    async def main(town: Town) -> None:
+        log = town.nodes[1].log
+        assert log is not None
+        ballot, value = Ballot(1, town.nodes[2].id), Value(b"later")
+        later = [Learn(GENESIS, position, value, Certificate(position, ballot, ())) for position in (5, 6)]
+        town.by_id[NodeId(99)] = town.nodes[3]
+        log.receive(NodeId(99), later[0])
+        log.receive(town.nodes[2].id, later[1])
+        assert await until(lambda: bool(log._ahead._kept))
+        assert list(log._ahead._kept) == [6]
 
     in_town(3, main)
 

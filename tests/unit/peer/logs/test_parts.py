@@ -14,7 +14,7 @@ from scenefold.consensus import AskLog, Certificate, Learn, Message, Propose, Re
 from scenefold.peer.logs import Logs
 from scenefold.peer.logs.ahead import POSITIONS_MAX as AHEAD_MAX
 from scenefold.peer.logs.ahead import Ahead
-from scenefold.peer.logs.courier import WAITING_MAX, Courier
+from scenefold.peer.logs.courier import WAITING_BYTES_MAX, WAITING_MAX, Courier
 from scenefold.peer.logs.inbox import BYTES_MAX, EVENTS_MAX, Inbox, fits
 from scenefold.peer.logs.timers import Timers
 from scenefold.wire import Ballot, Phase, ProposalId
@@ -143,6 +143,24 @@ async def test_who_is_slow_holds_up_nobody_and_who_is_gone_is_told() -> None:
         courier.send(ONE, AskLog(GENESIS, 8))
         await trio.testing.wait_all_tasks_blocked()
         assert road.arrived[-1] == (ONE, AskLog(GENESIS, 8))
+
+
+async def test_what_waits_for_who_is_slow_takes_so_much_memory_and_no_more() -> None:
+    road, large = Road(), learn(1, bytes(LOG_BODY_BYTES_MAX))
+    fit = WAITING_BYTES_MAX // len(large.value.data + large.value.body)
+    async with trio.open_nursery() as nursery:
+        courier = Courier(nursery, road, lambda _: None)
+        for _ in range(fit + 5):
+            courier.send(TWO, large)
+        courier.send(ONE, large)
+        await trio.testing.wait_all_tasks_blocked()
+        road.slow.set()
+        await trio.testing.wait_all_tasks_blocked()
+        assert [target for target, _ in road.arrived] == [ONE] + [TWO] * fit
+        # What has left makes room.
+        courier.send(TWO, large)
+        await trio.testing.wait_all_tasks_blocked()
+        assert len(road.arrived) == fit + 2
 
 
 def test_timers_go_off_in_their_order_and_one_set_again_is_one() -> None:
