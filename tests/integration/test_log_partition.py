@@ -17,6 +17,7 @@ from integration.cut_networks import FIRST_ADDRESS, CutNetwork, cut_network
 from integration.log_disks import check_one_history
 from integration.scenectl_process import Done, environment
 from scenefold.node.local import LocalCluster, local_cluster
+from scenefold.peer.timing import T_WAIT_S
 
 NODES, FEW = 5, 2
 TESTS = Path(__file__).resolve().parents[1]
@@ -94,6 +95,15 @@ async def test_a_network_cut_in_two_has_one_history(tmp_path: Path, monkeypatch:
             assert (await here.json("scene", "log", "stage"))["position"] == 1
             got = await here.scenectl("data", "get", "files", "0a", "--scene", "stage", "--any-copy", "--output", str(tmp_path / "got"))
             assert got.code == 0 and (tmp_path / "got").read_bytes() == PAYLOAD, got.err
+            # Leases of before the cut are over by then, and nobody gets another one: so nothing is signed, and there is no doubt about it.
+            await trio.sleep_until(begin + T_WAIT_S)
+            edited = await beside.scenectl("data", "put", "files", "0b", "-", "--scene", "stage", stdin=b"an edit of the few")
+            for words in (
+                "none of the 5 nodes that decide it lends a lease for edits",
+                "3 of them must hear each other",
+                "nothing was written",
+            ):
+                assert edited.code == 4 and words in edited.error, edited.err
             begin = trio.current_time()
             done = await there.makes("decided")
             print(f"decided by the others after {trio.current_time() - begin:.1f} s", flush=True)
@@ -108,6 +118,8 @@ async def test_a_network_cut_in_two_has_one_history(tmp_path: Path, monkeypatch:
             print(f"seen here {trio.current_time() - begin:.1f} s after the cut is over", flush=True)
             done = await here.makes("together")
             assert done.code == 0, done.err
+            got = await there.scenectl("data", "get", "files", "0b", "--scene", "stage", "--output", str(tmp_path / "none"))
+            assert got.code != 0 and not (tmp_path / "none").exists(), "what was refused to the few is nowhere"
             found = await there.spaces()
             assert {"decided", "together"} <= found
             # What is refused never comes; of what nobody knows it is in the log once, or not at all.

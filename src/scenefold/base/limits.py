@@ -234,6 +234,11 @@ FRAME_S_MAX = 60.0
 SEND_STALL_S_MAX = 30.0
 """Seconds without any progress in sending, after which a peer counts as gone."""
 
+# Leases (specs/26-modes.md).
+LEASE_LOOK_S = 1.0
+"""Whoever acts by a lease looks at its own clock so often, at least. While the machine sleeps that clock goes on, and Trio's deadlines stand still:
+one at the lease's end would come too late by as long as it slept."""
+
 # Store (specs/10-store.md).
 STORE_QUEUE_CHANGES_MAX = 1_024
 """Changes that wait for the store's writer; beyond it callers wait."""

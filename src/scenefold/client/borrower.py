@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, SpaceId, address_of
-from scenefold.base.limits import CLIENT_ASKED_MAX
+from scenefold.base.limits import CLIENT_ASKED_MAX, LEASE_LOOK_S
 from scenefold.base.reasons import RejectReason
 from scenefold.client.borrowing import LENT_S_MAX, Loan
 from scenefold.client.hedging import first_answer
@@ -131,7 +131,7 @@ class Borrowing:
             if held is None or not self.loan.may_sign(held.position, now):
                 return
             changed = self._changed
-            with trio.move_on_after(held.until - now):
+            with trio.move_on_after(min(held.until - now, LEASE_LOOK_S)):
                 await changed.wait()
 
     # ------------------------------------------------------------------------------------------------------- asking

@@ -19,7 +19,17 @@ from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.calls import Calls
 from scenefold.crypto import HEADER_DOMAIN, PublicKey, node_named
-from scenefold.wire import DecidedLog, MalformedPacket, RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneLogPublic, Want, unpack_log
+from scenefold.wire import (
+    DecidedLog,
+    MalformedPacket,
+    RequestSceneLog,
+    RespondSceneLog,
+    SceneLogAnswer,
+    SceneLogPublic,
+    UnknownEntry,
+    Want,
+    unpack_log,
+)
 from scenefold.world import Connection, Priority
 from scenefold.world.log_file import LogFile
 from scenefold.world.log_view import KeptRecord, LogView
@@ -210,6 +220,8 @@ class KnownLog:
         async with self._taking:
             try:
                 view, fresh = await self._calls.world.workers.run("crypto", verified)
+            except UnknownEntry as problem:
+                raise PeerFault(f"the cluster's log cannot be read: {problem.what}", where=address, remedy=problem.remedy) from problem
             except (MalformedPacket, DamagedData, Refused) as problem:
                 raise PeerFault(f"the node's log of the cluster does not verify: {problem}", where=address) from problem
             if not fresh:

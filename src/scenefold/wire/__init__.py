@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     )
     from scenefold.wire.documents import Value, pack_value, unpack_value
     from scenefold.wire.enrol_entries import Trust
-    from scenefold.wire.errors import MalformedPacket, NotSpoken, UnsupportedPacket
+    from scenefold.wire.errors import MalformedPacket, NotSpoken, UnknownEntry, UnsupportedPacket
     from scenefold.wire.facts import Fact, Promise, Refusal, Release, Vote
     from scenefold.wire.frames import FrameReader, frame
     from scenefold.wire.handover_packets import (
@@ -233,7 +233,7 @@ _HOMES = {
     "data_packets": "AcceptData DAMAGED_RECORD EmptyData GetData GetMany GetManyReply ProposeData PutItem PutMany PutManyReply PutOutcome QueryRange RecordBytes RecordKey RejectData RejectRange ReturnData ReturnRange",
     "documents": "Value pack_value unpack_value",
     "enrol_entries": "Trust",
-    "errors": "MalformedPacket NotSpoken UnsupportedPacket",
+    "errors": "MalformedPacket NotSpoken UnknownEntry UnsupportedPacket",
     "facts": "Fact Promise Refusal Release Vote",
     "frames": "FrameReader frame",
     "handover_packets": "AskRange BoundConfirmed ClaimRange ConfirmBound CopyRecords DropHandover HandItem HandRecords HandoverReply OfferRange OfferRecords RecordEntry RecordsWanted",
@@ -474,6 +474,7 @@ __all__ = [
     "TellLosses",
     "TranslateSpace",
     "Trust",
+    "UnknownEntry",
     "UnsupportedPacket",
     "UpkeepChanged",
     "Value",

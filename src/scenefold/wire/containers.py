@@ -257,7 +257,7 @@ class Tagged(Kind[T]):
         number, at = read_uint(data, at)
         found = self.structs.get(number)
         if found is None:
-            raise Misfit(f"{number} is no {self.text}")
+            raise Misfit(f"{number} is no {self.text}", unknown=number)
         try:
             return found.read_counted(data, at, count - 1)
         except Misfit as misfit:

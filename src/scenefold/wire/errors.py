@@ -12,13 +12,24 @@ from scenefold.base.reasons import RejectReason
 
 
 class MalformedPacket(PeerFault):
-    """What arrived is no packet of ours. `field` is a path such as "PutMany.items[3].location"."""
+    """What arrived is no packet of ours. `field` is a path such as "PutMany.items[3].location". `unknown`: a number that says what follows, where
+    this version knows none such."""
 
-    def __init__(self, field: str, problem: str, *, request_id: int | None = None) -> None:
+    def __init__(self, field: str, problem: str, *, request_id: int | None = None, unknown: int | None = None) -> None:
         super().__init__(f"malformed packet: {problem}", where=field)
         self.field = field
         self.problem = problem
         self.request_id = request_id
+        self.unknown = unknown
+
+
+class UnknownEntry(MalformedPacket):
+    """A record of a log whose entry is of a kind that this version of scenefold does not know yet."""
+
+    def __init__(self, field: str, number: int) -> None:
+        super().__init__(field, f"unknown entry {number}", unknown=number)
+        self.what = f"it holds an entry of a kind that this program does not know ({number}), so a newer program wrote it"
+        self.remedy = "update this program"
 
 
 class UnsupportedPacket(MalformedPacket):
@@ -40,11 +51,12 @@ class NotSpoken(Refused):
 class Misfit(Exception):
     """A value or its bytes do not fit their kind. Never leaves this package: the codec adds where and by whose fault."""
 
-    def __init__(self, problem: str, path: str = "") -> None:
+    def __init__(self, problem: str, path: str = "", *, unknown: int | None = None) -> None:
         super().__init__(problem)
         self.problem = problem
         self.path = path
+        self.unknown = unknown
 
     def inside(self, outer: str) -> Misfit:
         """The same misfit, seen from one container further out."""
-        return Misfit(self.problem, outer + self.path)
+        return Misfit(self.problem, outer + self.path, unknown=self.unknown)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from scenefold.base.limits import LOG_BYTES_MAX, LOG_RECORD_BYTES_MAX, LOG_RECORDS_MAX
 from scenefold.wire.common import DIGEST, SIGNATURE, U32, U64, NodeId
 from scenefold.wire.containers import Many, Struct
+from scenefold.wire.errors import MalformedPacket, UnknownEntry
 from scenefold.wire.kinds import Bin
 from scenefold.wire.log_entries import FOUNDER, LOG_ENTRY, LogEntry
 from scenefold.wire.pieces import pack_piece, unpack_piece
@@ -40,8 +41,13 @@ class LogRecord:
 
     @classmethod
     def decode(cls, data: bytes) -> LogRecord:
-        """The record that `data` is, wholly; MalformedPacket otherwise."""
-        return unpack_piece(LOG_RECORD, data, size_max=LOG_RECORD_BYTES_MAX)
+        """The record that `data` is, wholly; MalformedPacket otherwise, UnknownEntry if a newer version may know it."""
+        try:
+            return unpack_piece(LOG_RECORD, data, size_max=LOG_RECORD_BYTES_MAX)
+        except MalformedPacket as problem:
+            if problem.unknown is None:
+                raise
+            raise UnknownEntry(problem.field, problem.unknown) from None
 
     def hash(self) -> bytes:
         return hash_of_record(self.encode())

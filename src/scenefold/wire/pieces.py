@@ -37,7 +37,7 @@ def unpack_piece(kind: Kind[T], data: bytes, *, size_max: int = FRAME_BYTES_MAX)
         if end != len(data):
             raise Misfit(f"{len(data) - end} bytes too many")
     except Misfit as misfit:
-        raise MalformedPacket(f"{kind.text}{misfit.path}", misfit.problem) from None
+        raise MalformedPacket(f"{kind.text}{misfit.path}", misfit.problem, unknown=misfit.unknown) from None
     except TRUNCATED:
         raise MalformedPacket(kind.text, "truncated") from None
     return value

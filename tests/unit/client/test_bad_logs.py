@@ -100,10 +100,6 @@ BENT: dict[str, tuple[Bend, str]] = {
     "a position left out": (lambda record, key: sign_record(replace(record, position=4), key), "does not follow position 2"),
     "another's signature": (lambda record, _: sign_record(record, OTHER), "signature"),
     "no signature": (lambda record, _: SignedRecord(record.encode(), bytes(64)), "signature"),
-    "an unknown entry": (
-        lambda record, key: SignedRecord(unknown_kind(record), key.sign(b"scenefold/log", unknown_kind(record))),
-        "LogEntry",
-    ),
     "a request twice": (sign_record, "in the log already"),
 }
 
@@ -123,6 +119,21 @@ async def test_a_decided_log_that_does_not_hold_together_is_told_as_that(autojum
         with pytest.raises(PeerFault, match=f"does not hold together.*{why}"):
             await reader.spaces()
     with pytest.raises(PeerFault, match="does not hold together"):
+        await hall.translate(STEP)
+
+
+async def test_who_meets_an_entry_that_it_does_not_know_hears_that_its_program_is_old(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, hall = await hall_of(council, tmp_path)
+    owner = Owner(council, scene)
+    records = (await scene.access.read_log()).log.records
+    record = unknown_kind(await owner.record())
+    await owner.decide([*records, SignedRecord(record, owner.signer.sign(b"scenefold/log", record))])
+    for reader in (scene, await council.scenes(Keyring(tmp_path)).open("kitchen")):
+        with pytest.raises(PeerFault, match=r"entry of a kind that this program does not know \(99\), so a newer program wrote it") as told:
+            await reader.spaces()
+        assert told.value.remedy == "update this program" and "malformed" not in str(told.value)
+    with pytest.raises(PeerFault, match="newer program"):
         await hall.translate(STEP)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import msgpack
 import pytest
 import trio
 import trio.testing
@@ -18,7 +19,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client import known_log
 from scenefold.client.calls import Calls
 from scenefold.client.known_log import LOOK_S, PAUSE_S, KnownLog
-from scenefold.crypto import HEADER_DOMAIN
+from scenefold.crypto import HEADER_DOMAIN, LOG_DOMAIN
 from scenefold.peer.cluster_log.log_packets import answer_of
 from scenefold.wire import MiniStatus, Packet, RequestSceneLog, RequestTable, RespondSceneLog, RespondTable, SignedRecord, pack_log
 from scenefold.world import Priority
@@ -94,6 +95,17 @@ async def test_one_that_lies_speaks_for_nobody_else(autojump_clock: trio.testing
     nodes.away = set(ADDRESSES)
     with pytest.raises(Unreachable):
         await alone.newest()
+
+
+async def test_an_entry_that_this_program_does_not_know_says_that_it_is_old(autojump_clock: trio.testing.MockClock) -> None:
+    plain = msgpack.unpackb(RECORDS[3].record)
+    plain[-1][0] = 99
+    record = msgpack.packb(plain)
+    newer = SignedRecord(record, LOG_KEY.sign(LOG_DOMAIN, record))
+    _, log = Nodes(logs={address: [*RECORDS[:3], newer] for address in ADDRESSES}).client()
+    with pytest.raises(PeerFault, match=r"a kind that this program does not know \(99\), so a newer program wrote it") as told:
+        await log.newest()
+    assert told.value.remedy == "update this program" and "malformed" not in str(told.value)
 
 
 async def test_a_revoked_node_is_refused_by_every_later_client_of_the_profile(

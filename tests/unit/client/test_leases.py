@@ -10,6 +10,7 @@ import trio
 from trio.testing import MockClock
 
 from scenefold.base.errors import Refused
+from scenefold.base.limits import LEASE_LOOK_S
 from scenefold.base.reasons import RejectReason
 from scenefold.client import borrower
 from scenefold.client.borrowing import IDLE_S, RENEW_S, REST_S
@@ -22,6 +23,7 @@ from unit.client.fake_nodes import FakeNodes
 from unit.client.test_participants import hall_of
 from unit.client.test_spaces import BOX, scene_of
 
+SLEPT_S = 3600.0
 PLACES = [(0.1, 0.1, 0.1), (0.2, 0.2, 0.2), (0.9, 0.9, 0.9)]
 
 
@@ -274,3 +276,26 @@ async def test_a_render_ends_when_its_lease_does(autojump_clock: MockClock, tmp_
     with pytest.raises(ZeroDivisionError):
         async with leases.rendering(scene.access):
             raise ZeroDivisionError
+
+
+async def test_after_a_sleep_of_the_machine_a_render_ends_within_a_second(
+    autojump_clock: MockClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    await scene.access.change_log(lambda _: SetMode(SceneMode.RENDER))
+    ended: list[float] = []
+
+    async def render() -> None:
+        try:
+            async with scene.access.calls.leases.rendering(scene.access):
+                await trio.sleep(0.3)
+                monkeypatch.setattr(scene.access.calls.world.clock, "now", lambda: trio.current_time() + SLEPT_S)
+                await trio.sleep(60.0)
+        finally:
+            ended.append(trio.current_time())
+
+    began = trio.current_time()
+    with pytest.raises(Refused, match="ran out"):
+        await render()
+    assert ended[0] - began <= 0.3 + LEASE_LOOK_S, "its clock went on while it slept, and Trio's did not"

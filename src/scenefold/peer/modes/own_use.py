@@ -14,6 +14,7 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.base.ids import NodeId
+from scenefold.base.limits import LEASE_LOOK_S
 from scenefold.base.reasons import RejectReason
 from scenefold.wire import RequestSceneLog, RespondSceneLog, SceneLogAnswer, SceneMode
 from scenefold.world import World, background_tasks
@@ -25,8 +26,6 @@ CONSENTS = 1
 """The flag of a 6 that says so: GRANT."""
 ACT_S_MAX = 20.0
 """So long somebody waits to act in a mode: longer than a change of it takes to become active."""
-WANT_S = 10.0
-"""Between two times of saying that a lease is wanted."""
 
 
 class OwnUse:
@@ -73,9 +72,9 @@ class OwnUse:
         modes, clock = self.modes, self._world.clock
         while modes.acts_in is mode:
             lease = modes.standing.holder.lease(clock.now())
-            left_s = WANT_S if lease is None else lease.until - clock.now()
+            left_s = LEASE_LOOK_S if lease is None else lease.until - clock.now()
             modes.want()
-            with trio.move_on_after(min(left_s, WANT_S)):
+            with trio.move_on_after(min(left_s, LEASE_LOOK_S)):
                 await modes.news.until(lambda: modes.acts_in is not mode)
 
     def consents(self, packet: RequestSceneLog, asker: NodeId) -> RespondSceneLog:

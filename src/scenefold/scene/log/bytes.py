@@ -15,7 +15,7 @@ from scenefold.crypto import LOG_DOMAIN, SNAPSHOT_DOMAIN, PublicKey, SigningKey,
 from scenefold.scene.log.agreement import check_agrees
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.states import packed_state, unpacked_state
-from scenefold.wire import LogRecord, MalformedPacket, ShortenedLog, SignedRecord, SignedSnapshot, pack_log, unpack_log
+from scenefold.wire import LogRecord, MalformedPacket, ShortenedLog, SignedRecord, SignedSnapshot, UnknownEntry, pack_log, unpack_log
 
 
 def sign_record(record: LogRecord, header_key: SigningKey) -> SignedRecord:
@@ -98,6 +98,8 @@ def open_private(
             header_key.verify(record.signature, LOG_DOMAIN, record.record)
         folded = [record.decoded() for record in new]
         state = before.extended(folded) if goes_on or found.snapshot is None else _compared(before, folded, known.state)
+    except UnknownEntry as problem:
+        raise DamagedData(f"the scene's log cannot be read: {problem.what}", where=where, remedy=problem.remedy) from problem
     except (MalformedPacket, DamagedData, Refused) as problem:
         raise DamagedData(f"the scene's log does not hold together: {problem.what}", where=where, remedy=problem.remedy) from problem
     if state.position != position:
