@@ -13,10 +13,11 @@ from scenefold.base.errors import LocalFault
 from scenefold.base.ids import address_of
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
-from scenefold.render.pool import organiser
+from scenefold.render.pool import dealing, organiser
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import EVERYTHING, check_whole, read_tables
+from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader, Records, memory_pool, running, sha256_of
 from scenefold.render.renderers.embree.renderer import EmbreeScene
@@ -34,6 +35,14 @@ def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(organiser, "POLL_S", 0.01)
 
 
+@pytest.fixture
+def all_help(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everybody is presumed to have nothing else to do, from the first pass on."""
+    monkeypatch.setattr(dealing, "TRIP_S", 0.0)
+    monkeypatch.setattr(dealing, "PART_RAYS_MIN", 1)
+    monkeypatch.setattr(StillOpen, "release", lambda self, until: [0] * self._nodes)
+
+
 @pytest.fixture(scope="module")
 def alone(room: Records) -> str:
     """Of what one node makes."""
@@ -46,6 +55,7 @@ def alone(room: Records) -> str:
     return trio.run(render)
 
 
+@pytest.mark.usefixtures("all_help")
 @pytest.mark.parametrize("nodes", [1, 2, 5])
 async def test_the_image_is_the_same_and_no_ray_leaves_its_node(room: Records, alone: str, nodes: int) -> None:
     async with memory_pool(offline_world(), room, nodes) as pool:
@@ -62,6 +72,30 @@ async def test_the_image_is_the_same_and_no_ray_leaves_its_node(room: Records, a
     assert state["moved"] == 0 and state["closed"] == 17
 
 
+async def test_an_owner_traces_its_passes_by_itself_while_the_others_have_some(room: Records, alone: str) -> None:
+    async with memory_pool(offline_world(), room, 3) as pool:
+        image, state = await pool.render(JOB, OPTIONS)
+    assert sha256_of(image) == alone
+    # At the end those who are done may help.
+    assert sum(node["rays_sent"] for node in state["nodes"]) < PATHS / 3
+    assert min(node["casts"] for node in state["nodes"]) > 0
+
+
+async def test_whoever_owns_no_pass_helps(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One pass, three nodes; the way to another one is left out, as the pass takes less."""
+    monkeypatch.setattr(dealing, "TRIP_S", 0.0)
+    options = replace(OPTIONS, samples=9)
+    images = []
+    for nodes in (1, 3):
+        async with memory_pool(offline_world(), room, nodes) as pool:
+            image, state = await pool.render(JOB, options)
+        images.append(sha256_of(image))
+    assert images[0] == images[1]
+    paths = 96 * 72 * 9
+    assert sorted(node["rays_received"] for node in state["nodes"]) == [0, paths // 3, paths // 3]
+
+
+@pytest.mark.usefixtures("all_help")
 @pytest.mark.parametrize("faults", [Faults(lost=0.2), Faults(doubled=0.2, late=0.3)], ids=["lost", "doubled and late"])
 async def test_whatever_the_network_does(room: Records, alone: str, faults: Faults) -> None:
     async with running(FaultyPool(offline_world(), room, 3, faults)) as pool:
@@ -70,6 +104,7 @@ async def test_whatever_the_network_does(room: Records, alone: str, faults: Faul
     assert not faults.lost or (pool.dropped and sum(node["packets_resent"] for node in state["nodes"]))
 
 
+@pytest.mark.usefixtures("all_help")
 async def test_threads_share_what_a_node_is_dealt(room: Records, alone: str) -> None:
     async with memory_pool(offline_world(lanes={"render": 3}), room, 2) as pool:
         for host in pool.hosts.values():
@@ -78,6 +113,7 @@ async def test_threads_share_what_a_node_is_dealt(room: Records, alone: str) -> 
     assert sha256_of(image) == alone
 
 
+@pytest.mark.usefixtures("all_help")
 @pytest.mark.expect_log("nodes go on")
 async def test_a_node_dies_and_the_others_get_its_paths(room: Records, alone: str) -> None:
     async with memory_pool(offline_world(), room, 3) as pool:
@@ -94,7 +130,10 @@ async def test_a_node_dies_and_the_others_get_its_paths(room: Records, alone: st
     assert sha256_of(image) == alone
 
 
-async def test_levels(room: Records) -> None:
+@pytest.mark.parametrize("help_from_all", [False, True], ids=["alone", "dealt"])
+async def test_levels(room: Records, help_from_all: bool, request: pytest.FixtureRequest) -> None:
+    if help_from_all:
+        request.getfixturevalue("all_help")
     options = replace(OPTIONS, samples=256, adaptive=Adaptive(0.15, 16))
     images = []
     for nodes in (1, 3):
@@ -112,8 +151,9 @@ async def test_a_kept_film_goes_on_with_cells_and_without(room: Records, alone: 
         assert state["paths_before"] > 0
 
 
-async def test_who_is_slow_gets_fewer_paths(room: Records) -> None:
+async def test_who_is_slow_gets_fewer_paths(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
     """One of two takes twenty times as long for what it traces."""
+    monkeypatch.setattr(dealing, "TRIP_S", 0.01)
     async with running(SlowPool(offline_world(), room, 2)) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, samples=320))
     by_address = {node["address"]: node for node in state["nodes"]}

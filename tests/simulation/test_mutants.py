@@ -96,7 +96,7 @@ PROVOKED = {
     "others' claims": Provocation(laws.ONE_OWNER, LYING_MOVES, 45.0),
     "own status only": Provocation(laws.VERIFIED, LIES),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0, first=1),
-    "packets count once": Provocation(laws.ENDED, JOLTS, 20.0, workload="renders"),
+    "packets count once": Provocation(laws.ENDED, UNEVEN, 20.0, workload="renders", first=1),
     "purge asks only holders": Provocation(laws.LINEARIZABLE, ABSENCES, 45.0, copies=True, workload="purges", first=2),
     "rays by epoch": Provocation(laws.SOUND, JOLTS, 20.0, workload="renders"),
     "reader's memory": Provocation(laws.SOUND, LIES, first=1),

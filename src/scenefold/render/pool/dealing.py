@@ -1,20 +1,32 @@
-"""How many paths of a pass each node gets, where every node holds the whole scene (specs/33-dealt-paths.md). Pure; time comes in as seconds."""
+"""Which paths of a pass other nodes than its owner trace, where every node holds the whole scene (specs/33-dealt-paths.md).
+
+Pure; time comes in as seconds.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
-from scenefold.render.arrays import U32
+from scenefold.base.limits import PASS_PATHS_MAX
+from scenefold.render.arrays import F64, I64, U32
 from scenefold.render.ledger import Counts
+from scenefold.render.passes import PassPlan
+from scenefold.render.pool.pace import Pace
+from scenefold.render.pool.still_open import StillOpen
 
 PROBE_RAYS = 64
-"""At least so many get those who have nothing else to do: else nobody would ever learn that they are quick again."""
-_GAIN = 0.5
-"""Of a new measurement. One that says that a node is slower than it was counts less if it is of fewer rays than `_SOUND_RAYS`:
-what it took is mostly the way there and back."""
-_SOUND_RAYS = 8_192
+"""At least so many get those who have nothing else to do and were slow: else nobody would ever learn that they are quick again."""
+PART_RAYS_MIN = 1_024
+"""Fewer are not worth their sums."""
+TRIP_S = 0.1
+"""Until dealt rays are there, and what came of them is back."""
+PRESUMED_PACE = 100_000.0
+"""While nothing was measured of anybody, rays a second."""
+_SLOW = 0.25
+"""Of the best pace."""
 _PATIENCE_S = 0.25
 """Later than expected, before a part says that its node is slower."""
 _COPIED_RAYS = 4_096
@@ -32,29 +44,46 @@ class _Part:
 class Dealer:
     """Of one owner's passes, among so many nodes."""
 
-    def __init__(self, nodes: int) -> None:
-        self._paces: list[float | None] = [None] * nodes
-        """Rays a second, once something was measured."""
+    def __init__(self, plan: PassPlan, nodes: int, me: int, done: Collection[int], now: float) -> None:
+        """`me`: the owner's place. `done`: passes that are traced no more."""
+        self._me = me
+        self._still_open = StillOpen(plan, nodes, done)
+        self._paces = [Pace() for _ in range(nodes)]
+        """Of parts."""
         self._parts: list[dict[int, _Part]] = [{} for _ in range(nodes)]
         """Of each node by pass: what it has not done."""
+        self._done_at = [now] * nodes
+        """When each was done with a part last."""
+        self._rates = [Pace() for _ in range(nodes)]
+        """Of its own passes."""
+        self._left = [0] * nodes
+        """Rays of its own passes that are not closed."""
+        self._closed_at = [now] * nodes
+        """When each closed a pass last."""
+        self._helpers: dict[int, frozenset[int]] = {}
 
-    def deal(self, number: int, rays: int, now: float) -> list[int]:
-        """How many of a pass's rays each node gets."""
-        shares = np.array(self._estimates(now))
-        exact = rays * shares / shares.sum()
-        dealt = np.floor(exact).astype(np.int64)
-        for node in np.argsort(dealt - exact, kind="stable")[: rays - int(dealt.sum())]:
-            dealt[node] += 1
-        for node, parts in enumerate(self._parts):
-            missing = 0 if parts else max(0, PROBE_RAYS - int(dealt[node]))
-            most = int(np.argmax(dealt))
-            if missing and dealt[most] >= 4 * PROBE_RAYS:
-                dealt[node] += missing
-                dealt[most] -= missing
-        for node, count in enumerate(dealt.tolist()):
-            if count:
-                self._parts[node][number] = _Part(count, now)
-        return [int(count) for count in dealt]
+    # What is left --------------------------------------------------------------------------------------------
+
+    def skip(self, first: int) -> None:
+        """Passes below this number were closed before."""
+        self._still_open.skip(first)
+
+    def release(self, until: int, now: float) -> None:
+        """Passes below this number may be opened."""
+        for node, rays in enumerate(self._still_open.release(until)):
+            if rays and not self._left[node]:
+                self._closed_at[node] = now
+            self._left[node] += rays
+
+    def ended(self, node: int, number: int, now: float) -> None:
+        """A node has closed a pass of its own."""
+        rays = self._still_open.close(number)
+        if rays:
+            self._rates[node].add(rays, now - self._closed_at[node])
+            self._closed_at[node] = now
+            self._left[node] -= rays
+
+    # Parts ---------------------------------------------------------------------------------------------------
 
     def dealt(self, number: int, rays: U32, now: float) -> dict[int, U32]:
         """A pass's camera rays, by the node that gets them: ranges, one after the other."""
@@ -66,39 +95,102 @@ class Dealer:
                 first += count
         return found
 
-    def reported(self, number: int, node: int, counts: Counts, now: float, *, is_owner: bool = False) -> None:
+    def deal(self, number: int, rays: int, now: float) -> list[int]:
+        """How many of a pass's rays each node gets."""
+        paces, free_in = self._estimates(now)
+        dealt = _whole_parts(rays, paces, free_in)
+        few = (dealt < PART_RAYS_MIN) & (np.arange(len(dealt)) != self._me)
+        dealt[self._me] += dealt[few].sum()
+        dealt[few] = 0
+        for node in self._forgotten(paces, dealt):
+            most = int(np.argmax(dealt))
+            if dealt[most] >= 4 * PROBE_RAYS:
+                dealt[node] += PROBE_RAYS
+                dealt[most] -= PROBE_RAYS
+        for node, count in enumerate(dealt.tolist()):
+            if count:
+                self._parts[node][number] = _Part(count, now)
+        self._helpers[number] = frozenset(np.flatnonzero(dealt).tolist()) - {self._me}
+        return [int(count) for count in dealt]
+
+    def helpers(self, number: int) -> frozenset[int]:
+        """Who was dealt a part of a pass that is not closed, its owner left out."""
+        return self._helpers.get(number, frozenset())
+
+    def reported(self, number: int, node: int, counts: Counts, now: float) -> None:
         """A node's counts of a pass: its part may be done. The owner's own rays are among those that it created."""
         part = self._parts[node].get(number)
         if part is None:
             return
-        if is_owner:
+        if node == self._me:
             is_done = counts.retired >= part.rays and counts.created + counts.received == counts.retired + counts.sent
         else:
             is_done = counts.received >= part.rays and counts.created + counts.received == counts.retired
         if not is_done:
             return
         del self._parts[node][number]
-        pace, measured = self._paces[node], part.rays / max(now - part.dealt_at, 1e-3)
-        if pace is None:
-            self._paces[node] = measured
-            return
-        weight = 1.0 if measured > pace else min(1.0, part.rays / _SOUND_RAYS)
-        self._paces[node] = pace + _GAIN * weight * (measured - pace)
+        before = self._done_at[node]
+        self._paces[node].add(part.rays, now - max(part.dealt_at, before), is_alone=part.dealt_at >= before and not self._parts[node])
+        self._done_at[node] = now
 
-    def closed(self, number: int) -> None:
-        """A pass has ended: nobody has a part of it any more."""
+    def closed(self, number: int, now: float) -> None:
+        """A pass of the owner's has ended: nobody has a part of it any more."""
+        self.ended(self._me, number, now)
+        self._helpers.pop(number, None)
         for parts in self._parts:
             parts.pop(number, None)
 
-    def _estimates(self, now: float) -> list[float]:
-        known = [pace for pace in self._paces if pace is not None]
-        presumed = sum(known) / len(known) if known else 0.0
-        paces = [presumed if pace is None else pace for pace in self._paces]
-        if not presumed:
-            return [1.0] * len(paces)
-        return [min([pace, *self._late(node, pace, now)]) for node, pace in enumerate(paces)]
+    # Estimates -----------------------------------------------------------------------------------------------
 
-    def _late(self, node: int, pace: float, now: float) -> list[float]:
-        """What the parts say of a node's pace that it should have done by now."""
-        waits = ((part.rays, now - part.dealt_at) for part in self._parts[node].values())
-        return [rays / wait_s for rays, wait_s in waits if wait_s > rays / pace + _PATIENCE_S]
+    def _estimates(self, now: float) -> tuple[F64, F64]:
+        """Of each node the rays a second that it traces of what it is dealt, and the seconds until it could begin with that."""
+        rates = self._rates_of()
+        measured = [pace.value for pace in self._paces if pace.value is not None]
+        usual = sum(measured) / len(measured) if measured else None
+        paces, free_in = [], []
+        for node, pace in enumerate(self._paces):
+            presumed = pace.value or self._rates[node].value or usual or rates[node]
+            pace_now, parts_s = self._of_parts(node, presumed, now)
+            paces.append(pace_now)
+            free_in.append(parts_s if node == self._me else parts_s + self._busy_s(node, rates[node], now) + TRIP_S)
+        return np.array(paces), np.array(free_in)
+
+    def _of_parts(self, node: int, pace: float, now: float) -> tuple[float, float]:
+        """A node's pace by the parts that it has not done, and how long they will take; if they are late, as long again as they did until now."""
+        rays = sum(part.rays for part in self._parts[node].values())
+        if not rays:
+            return pace, 0.0
+        waited_s = now - max(min(part.dealt_at for part in self._parts[node].values()), self._done_at[node])
+        usual_s = rays / pace
+        return (rays / waited_s, waited_s) if waited_s > usual_s + _PATIENCE_S else (pace, max(0.0, usual_s - waited_s))
+
+    def _rates_of(self) -> list[float]:
+        """Of each node the rays a second of its own passes, until now."""
+        known = [rate.value for rate in self._rates if rate.value is not None]
+        presumed = sum(known) / len(known) if known else PRESUMED_PACE
+        return [presumed if rate.value is None else rate.value for rate in self._rates]
+
+    def _busy_s(self, node: int, rate: float, now: float) -> float:
+        """Until it has closed its own passes."""
+        left, waited_s = self._left[node], now - self._closed_at[node]
+        most_s = min(left, PASS_PATHS_MAX) / rate + _PATIENCE_S
+        return max(0.0, left / rate - waited_s) if waited_s <= most_s else left / PASS_PATHS_MAX * waited_s
+
+    def _forgotten(self, paces: F64, dealt: I64) -> list[int]:
+        """Those who have nothing to do, and get nothing because they were slow."""
+        idle = [node for node in range(len(paces)) if not (self._left[node] or self._parts[node] or dealt[node]) and node != self._me]
+        return [node for node in idle if self._paces[node].value is not None and paces[node] < _SLOW * paces.max()]
+
+
+def _whole_parts(rays: int, paces: F64, free_in: F64) -> I64:
+    """Parts of so many rays, with which all who get one are done at once, as soon as that may be."""
+    order = np.argsort(free_in, kind="stable")
+    taken = np.cumsum(paces[order])
+    done_in = (rays + np.cumsum(paces[order] * free_in[order])) / taken
+    # The more take part the sooner it is done, until somebody would begin only after that.
+    enough = np.flatnonzero(done_in <= np.append(free_in[order][1:], np.inf))[0]
+    exact = np.maximum(0.0, done_in[enough] - free_in) * paces
+    exact *= rays / max(exact.sum(), 1e-9)
+    dealt: I64 = np.floor(exact).astype(np.int64)
+    dealt[np.argsort(dealt - exact, kind="stable")[: rays - int(dealt.sum())]] += 1
+    return dealt

@@ -32,6 +32,7 @@ from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.dealing import Dealer
 from scenefold.render.pool.films import Summed
 from scenefold.render.pool.incoming import batches_of
+from scenefold.render.pool.kept_sums import KeptSums
 from scenefold.render.pool.lasting import Lasting
 from scenefold.render.pool.links.link import Link
 from scenefold.render.pool.links.sender import GIVE_UP_S
@@ -79,9 +80,9 @@ class Member:
         self._goes_on = EVERY_ROW
         self._counts: dict[int, Counts] = {}
         self._reported: dict[int, Counts] = {}
-        self._sums: dict[int, dict[int, Sums]] = {}
+        self._sums = KeptSums(self._plan, job.columns)
         self._links = {
-            index: Link(job, roster.attempt, address_of(node), world.clock, partial(send, index), self._knows_closed)
+            index: Link(job, roster.attempt, address_of(node), world.clock, partial(send, index), partial(self._knows_closed, index))
             for index, node in enumerate(roster.nodes)
             if index != me
         }
@@ -89,7 +90,7 @@ class Member:
         self._astray: deque[Work] = deque()
         """Rays to be addressed anew."""
         self._strayed = trio.Event()
-        self._dealer = Dealer(len(roster.nodes)) if job.whole else None
+        self._dealer = Dealer(self._plan, len(roster.nodes), me, done, world.clock.now()) if job.whole else None
         self._opening = False
         self._resting = 0
         """Threads that have nothing to trace."""
@@ -122,6 +123,8 @@ class Member:
             self._report(node, told.pass_index, Counts(told.created, told.retired, told.sent, told.received))
         for number in closed:
             self._forget(number)
+            if self._dealer is not None:
+                self._dealer.ended(node, number, self._world.clock.now())
 
     def _take(self, batch: Batch) -> None:
         self._count(batch.number, Counts(received=len(batch.rays)))
@@ -139,7 +142,7 @@ class Member:
         if number >= self._plan.count:
             raise PeerFault("the job has no such pass", where=f"pass {number}")
         counts = self._counts.get(number, Counts())
-        payload = await self._world.workers.run(FILM_LANE, self._packed_sums, number)
+        payload = await self._world.workers.run(FILM_LANE, self._sums.packed, number)
         return PassSums(
             job=packet.job,
             pass_index=number,
@@ -162,7 +165,7 @@ class Member:
         await self._world.workers.run(FILM_LANE, self._add_copy, copy, number, packet.payload)
 
     def _add_copy(self, copy: Summed, number: int, payload: bytes) -> None:
-        total = self._no_sums(number)
+        total = self._sums.none_of(number)
         total.add_bytes(payload)
         copy.add(number, total, self._plan.first_path(number), self._stride, self._goes_on)
 
@@ -176,8 +179,8 @@ class Member:
             raise Refused(RejectReason.NOT_AUTHORISED, "a node sends itself no rays")
         return link
 
-    def _knows_closed(self, number: int) -> None:
-        self._own.told(number)
+    def _knows_closed(self, node: int, number: int) -> None:
+        self._own.told(number, node)
         self._wake()
 
     def go_on_with(self, goes_on: GoesOn) -> None:
@@ -187,10 +190,14 @@ class Member:
     def skip(self, first: int) -> None:
         """The job goes on from a film of all passes below this one."""
         self._own.skip(first)
+        if self._dealer is not None:
+            self._dealer.skip(first)
 
     def release(self, until: int) -> None:
         """Open passes below this one."""
         self._own.release(until)
+        if self._dealer is not None:
+            self._dealer.release(until, self._world.clock.now())
         self._wake()
 
     # Moving --------------------------------------------------------------------------------------------------
@@ -310,7 +317,7 @@ class Member:
     async def _advance(self, cell: Cell, thread: int) -> None:
         """Trace some of what waits; the other threads that rest get their part of it."""
         taken = self._queue.take_share(1 + self._resting)
-        batches = [(work.rays, self._plan.first_path(work.number), self._sums_of(work.number, thread)) for work in taken]
+        batches = [(work.rays, self._plan.first_path(work.number), self._sums.of_thread(work.number, thread)) for work in taken]
         begun = self._world.clock.now()
         with cell.at_work():
             outcomes = await self._world.workers.run(LANE, advanced, cell.tracers[thread], batches)
@@ -343,6 +350,9 @@ class Member:
             # None of its pixels goes on: nobody has anything of it.
             self._films.own.passes.add(number)
             self._own.close(number)
+            if self._dealer is not None:
+                self._dealer.closed(number, self._world.clock.now())
+                self._tell_closed(number)
             self._wake()
             return
         mine = rays.pop(self._me, None)
@@ -386,7 +396,7 @@ class Member:
 
     def _report(self, node: int, number: int, counts: Counts) -> None:
         if self._dealer is not None:
-            self._dealer.reported(number, node, counts, self._world.clock.now(), is_owner=node == self._me)
+            self._dealer.reported(number, node, counts, self._world.clock.now())
         ledger = self._own.ledgers.get(number)
         if ledger is not None and ledger.report(node, counts) and self._nursery is not None:
             ledger.begin_collection()
@@ -402,6 +412,8 @@ class Member:
         """The second reading of a pass, again and again while the newest counts balance."""
         ledger = self._own.ledgers[number]
         replies: dict[int, PassSums] = {}
+        # Rays that are dealt go no further, so who was dealt none has nothing.
+        takers = frozenset(self._links) if self._dealer is None else self._dealer.helpers(number)
 
         async def read(index: int) -> None:
             request = CollectPass(job=self._job.id, pass_index=number, attempt=self._roster.attempt)
@@ -413,11 +425,14 @@ class Member:
         while True:
             replies.clear()
             async with trio.open_nursery() as nursery:
-                for index in self._links:
+                for index in takers:
                     nursery.start_soon(read, index)
             state = ledger.collected(self._me, self._counts.get(number, Counts()))
-            for index, reply in replies.items():
-                state = ledger.collected(index, Counts(reply.created, reply.retired, reply.sent, reply.received))
+            for index in self._links:
+                reply = replies.get(index)
+                state = ledger.collected(
+                    index, Counts() if reply is None else Counts(reply.created, reply.retired, reply.sent, reply.received)
+                )
             if state is PassState.CLOSED:
                 break
             if not ledger.looks_settled:
@@ -427,15 +442,18 @@ class Member:
             total = await self._world.workers.run(FILM_LANE, self._close, number, [reply.payload for reply in replies.values()])
         self._forget(number)
         if self._dealer is not None:
-            self._dealer.closed(number)
-        self._own.close(number, len(self._links), is_copied=self._keeper is None)
-        for link in self._links.values():
-            link.put_closed(number)
+            self._dealer.closed(number, self._world.clock.now())
+        self._own.close(number, takers, is_copied=self._keeper is None)
+        self._tell_closed(number)
         self._wake()
         if self._keeper is not None:
             await self._answer(self._keeper, await self._world.workers.run(FILM_LANE, self._copy_of, number, total))
             self._own.copied(number)
             self._wake()
+
+    def _tell_closed(self, number: int) -> None:
+        for link in self._links.values():
+            link.put_closed(number)
 
     async def _answer(self, node: int, packet: Packet) -> Packet:
         """Ask until it answers: of a node that died, or cannot be reached, the organiser will tell, which ends this."""
@@ -466,34 +484,14 @@ class Member:
 
     def _close(self, number: int, payloads: list[bytes]) -> Sums:
         """Add everybody's sums of a pass, and the pass to the film. In a worker; passes close one at a time."""
-        total = self._total(number)
+        total = self._sums.total(number)
         for payload in payloads:
             total.add_bytes(payload)
         self.statistics.counters = [known + int(more) for known, more in zip(self.statistics.counters, total.counters, strict=True)]
         self._films.own.add(number, total, self._plan.first_path(number), self._stride, self._goes_on)
         return total
 
-    def _packed_sums(self, number: int) -> bytes:
-        return self._total(number).to_bytes()
-
-    def _total(self, number: int) -> Sums:
-        by_thread = list(self._sums.get(number, {}).values())
-        if len(by_thread) == 1:
-            return by_thread[0]
-        total = self._no_sums(number)
-        for sums in by_thread:
-            total.add(sums)
-        return total
-
-    def _sums_of(self, number: int, thread: int) -> Sums:
-        by_thread = self._sums.setdefault(number, {})
-        if thread not in by_thread:
-            by_thread[thread] = self._no_sums(number)
-        return by_thread[thread]
-
-    def _no_sums(self, number: int) -> Sums:
-        return Sums.zeros(self._plan.size(number), self._job.columns)
-
     def _forget(self, number: int) -> None:
-        for kept in (self._sums, self._counts, self._reported):
+        self._sums.forget(number)
+        for kept in (self._counts, self._reported):
             kept.pop(number, None)

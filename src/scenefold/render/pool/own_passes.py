@@ -18,6 +18,8 @@ PASSES_IN_FLIGHT = 2
 PASSES_IN_FLIGHT_OF_MANY = 1
 """The same from NODES_MANY nodes on: every node keeps sums of every open pass, 4 MB a pass and thread, 8 MB with all layers."""
 NODES_MANY = 16
+_COPY = -1
+"""No node's place."""
 
 
 def pass_owner(plan: PassPlan, number: int, nodes: int) -> int:
@@ -61,8 +63,8 @@ class OwnPasses:
         """And copied."""
         self.opened = 0
         self.ledgers: dict[int, PassLedger] = {}
-        self._untold: dict[int, int] = {}
-        """Closed passes, and how many nodes may still keep sums of them, or have no copy yet."""
+        self._untold: dict[int, set[int]] = {}
+        """Closed passes, and the nodes that may still keep sums of them; `_COPY` while there is no copy."""
 
     def may_open(self) -> bool:
         """Whether a pass waits and few enough are open, or still kept by others since they do not know that these are closed."""
@@ -85,21 +87,23 @@ class OwnPasses:
         self.ledgers[number] = PassLedger(self._nodes)
         return number
 
-    def close(self, number: int, untold: int = 0, *, is_copied: bool = True) -> None:
-        """A pass's sums are in the film. So many nodes are to be told; and one to keep a copy, unless `is_copied`."""
+    def close(self, number: int, untold: Collection[int] = (), *, is_copied: bool = True) -> None:
+        """A pass's sums are in the film. These nodes have sums of it until they are told; and one is to keep a copy, unless `is_copied`."""
         del self.ledgers[number]
         self.closed += is_copied
-        waiting = untold + (not is_copied)
+        waiting = {*untold} if is_copied else {*untold, _COPY}
         if waiting:
             self._untold[number] = waiting
 
     def copied(self, number: int) -> None:
         """Its keeper has a closed pass."""
         self.closed += 1
-        self.told(number)
+        self.told(number, _COPY)
 
-    def told(self, number: int) -> None:
+    def told(self, number: int, node: int) -> None:
         """One more node knows that a pass is closed."""
-        self._untold[number] -= 1
-        if not self._untold[number]:
-            del self._untold[number]
+        waiting = self._untold.get(number)
+        if waiting is not None:
+            waiting.discard(node)
+            if not waiting:
+                del self._untold[number]
