@@ -14,7 +14,7 @@ from scenefold.consensus.choosing import highest_of
 from scenefold.consensus.effects import Tell
 from scenefold.consensus.facts import Refusal, merged, signed, true_facts
 from scenefold.consensus.hops import hand_on_from
-from scenefold.consensus.messages import Propose, Rejected
+from scenefold.consensus.messages import Accepted, Propose, Rejected
 from scenefold.consensus.tables import Row, acting, first_fit, named
 from scenefold.wire import Phase
 
@@ -190,7 +190,7 @@ def tell_log(guest: Visit) -> None:
 
 
 def ask_log(guest: Visit) -> None:
-    """ask for what is decided above c (5): the originator, unless anybody was asked less than 0.9 s ago"""
+    """ask for what is decided above c (5): the originator, unless a participant was asked less than 0.9 s ago, or another one if it is none"""
     guest.case.ask_log(guest.origin)
 
 
@@ -226,6 +226,12 @@ def hear(guest: Visit) -> None:
         guest.case.hear()
 
 
+def turn_back(guest: Visit) -> None:
+    """answer 8 with the facts that came, so that nobody waits for this arm"""
+    message = guest.message
+    guest.case.send(guest.sender, Accepted(message.genesis, message.proposal, message.digest, message.facts))
+
+
 def hand_on(guest: Visit) -> None:
     """send it to the next of the route that can be reached, and wait T_HOP for each further one; if there is none: answer 8"""
     hand_on_from(guest.case, guest.sender, replace(guest.message, facts=guest.facts, highest=guest.highest))
@@ -255,4 +261,4 @@ GUARDS = named(
         does_not_suit,
     )
 )
-ACTIONS = acting((refuse, refuse_as_it_says, tell_log, ask_log, promise, vote, count, hear, hand_on))
+ACTIONS = acting((refuse, refuse_as_it_says, tell_log, ask_log, turn_back, promise, vote, count, hear, hand_on))

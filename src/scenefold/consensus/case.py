@@ -160,7 +160,7 @@ class Case:
         self.do(SetTimer(timer, least_s, most_s))
 
     def ask_log(self, target: NodeId) -> None:
-        """Ask for what is decided above c, unless that was asked a moment ago: of participants, or of others, who can keep nobody from asking those. What comes in the wrong order must not be asked for
+        """Ask for what is decided above c, unless that was asked a moment ago: participants, or others, who keep nobody from asking those. What comes in the wrong order must not be asked for
         again by each that comes too early: with a disk that refuses the first, that would never end."""
         is_known = target in self.participants.nodes
         asked_at = self.state.asked_at if is_known else self.state.asked_others_at

@@ -35,6 +35,9 @@ def hand_on_from(case: Case, sender: NodeId, message: Propose) -> None:
         return
     case.send(target, message)
     value = message.highest if proposal.phase is Phase.PREPARE else message.value
+    if proposal.position <= case.state.position:
+        # It was decided just now.
+        value = None
     hop = Hop(proposal, message.digest, sender, target, message.route, message.facts, value)
     others = [other for other in case.state.hops if other.proposal != proposal]
     case.state = replace(case.state, hops=(*others, hop)[-HOPS_MAX:])

@@ -91,7 +91,7 @@ def knows_no_more(lesson: Lesson) -> bool:
 
 
 def ask_log(lesson: Lesson) -> None:
-    """ask for what is decided above c (5): whoever brought this, unless anybody was asked less than 0.9 s ago"""
+    """ask for what is decided above c (5): whoever brought this, unless a participant was asked less than 0.9 s ago, or another one if it is none"""
     lesson.case.ask_log(lesson.sender)
 
 

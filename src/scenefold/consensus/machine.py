@@ -38,8 +38,9 @@ def take(setting: Setting, state: State, event: Event, view: View) -> Step[State
 
 
 def _start(case: Case) -> None:
-    """What was exposed before is unknown until the position is decided."""
-    for digest in sorted(case.slot.exposed):
+    """What was exposed before is unknown until the position is decided; but whoever waits here, and was told nothing yet, hears of its end."""
+    waited_for = {case.proposal.digest} if case.proposal.is_asked else set()
+    for digest in sorted(case.slot.exposed - waited_for):
         case.do(Reply(digest, Outcome.UNKNOWN, case.open_position))
     case.watch()
 

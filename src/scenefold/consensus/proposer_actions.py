@@ -98,10 +98,12 @@ def hear(effort: Effort) -> None:
 
 
 def send_out(effort: Effort) -> None:
-    """send 7 out by both arms, or straight to all that can be reached if its values are small, and wait T_PASS"""
+    """send 7 out by both arms, or straight to all that can be reached if its values are small and not every other ballot came to nothing, and wait T_PASS"""
     case, route = effort.case, effort.proposal.route
     others = [node for node in route if node != case.me]
-    if len(others) * _bytes(effort) <= case.setting.at_once_bytes:
+    # Whom this node cannot reach others may.
+    goes_straight = case.state.tries % 2 == 0
+    if goes_straight and len(others) * _bytes(effort) <= case.setting.at_once_bytes:
         reached = [node for node in others if node in case.view.reachable]
         _send(effort, {node: straight_to(route, case.me, node) for node in reached}, 1)
         return

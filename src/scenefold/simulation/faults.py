@@ -51,6 +51,7 @@ class Kind(Enum):
     PAUSED_CLIENT = "paused client"
     CLIENT_RATE = "client's clock rate"
     KILL_IN_RENDER = "kill during render"
+    POWER = "power failure"
 
 
 CLIENTS = 4
@@ -105,6 +106,8 @@ class Shape:
     """Whether it hits a client, and is only for the workloads `logs` and `renders`."""
     of_renders: bool = False
     """Whether it is only for the workload `renders`."""
+    is_later: bool = False
+    """Whether it has dice of its own, so that all else in a seed stayed as it was when it came."""
 
 
 KINDS: dict[Kind, Shape] = {
@@ -186,6 +189,7 @@ KINDS: dict[Kind, Shape] = {
         long_odds=0.2,
         of_renders=True,
     ),
+    Kind.POWER: Shape(0.4, Whom.ALL, (0.5, 20), (0, 10), "seconds over which they start again", is_later=True),
 }
 
 

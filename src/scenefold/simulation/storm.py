@@ -180,6 +180,18 @@ class Storm:
             self._begins(fault)
             await self._cluster.restart(fault.slots[0], fault.end_s - fault.begin_s)
 
+    async def _power(self, fault: Fault) -> None:
+        """All machines vanish at one moment, as if each one's power was cut; they start one after the other, in an order of their own."""
+        born = [slot for slot, node in self._cluster.nodes.items() if node.born.is_set()]
+        dead = [slot for slot in born if self._cluster.crash(slot, silent=True)]
+        if not dead:
+            return
+        self._begins(fault)
+        order = sorted(dead, key=lambda slot: (slot * 2_654_435_761 + int(fault.begin_s * 1_000)) % 1_009)
+        async with trio.open_nursery() as nursery:
+            for turn, slot in enumerate(order):
+                nursery.start_soon(self._cluster.restart, slot, fault.end_s - fault.begin_s + fault.amount * turn / len(order))
+
     def _set_trap(self, fault: Fault, point: Point) -> None:
         """Crash at the n-th commit or send from now on, to the step; it goes with the life that it waits in."""
         node = self._node(fault)
@@ -282,4 +294,5 @@ class Storm:
         Kind.JOIN: _join,
         Kind.KILL_IN_JOIN: _join,
         Kind.DRAIN: _drain_node,
+        Kind.POWER: _power,
     }

@@ -67,6 +67,7 @@ def draw(seed: int, climate: Climate) -> Schedule:
     dice = random.Random(f"weather/{seed}/{climate.nodes}/{climate.members}{'/mostly' if climate.mostly_members else ''}")
     allowed = [kind for kind, shape in KINDS.items() if kind in climate.kinds or not climate.kinds]
     allowed = [kind for kind in allowed if not KINDS[kind].of_copies and not KINDS[kind].of_clients and not KINDS[kind].of_renders]
+    allowed = [kind for kind in allowed if not KINDS[kind].is_later]
     allowed = [kind for kind in allowed if climate.members or not KINDS[kind].moves_members]
     kinds = [kind for kind in allowed for _ in range(1 if climate.kinds else _times(_odds(kind, climate), dice))]
     if climate.mostly_members and not climate.kinds:
@@ -79,6 +80,7 @@ def draw(seed: int, climate: Climate) -> Schedule:
     dice.shuffle(kinds)
     spares = iter(range(climate.nodes, climate.nodes + SPARES_MAX))
     faults = [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds]
+    faults += _later(seed, climate, spares)
     if climate.copying is not None:
         faults += _of_copies(seed, climate, spares)
     if climate.of_clients:
@@ -91,6 +93,13 @@ def draw(seed: int, climate: Climate) -> Schedule:
 def spares_of(schedule: Schedule, nodes: int) -> list[int]:
     """The slots that a schedule starts beside the founders."""
     return sorted({slot for fault in schedule for slot in fault.slots if slot >= nodes and not KINDS[fault.kind].of_clients})
+
+
+def _later(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault]:
+    """What came after all others, with dice of its own."""
+    dice = random.Random(f"later weather/{seed}/{climate.nodes}")
+    kinds = [kind for kind, shape in KINDS.items() if shape.is_later and (kind in climate.kinds or not climate.kinds)]
+    return [_fault(kind, KINDS[kind], climate, dice, spares) for kind in kinds if climate.kinds or _times(_odds(kind, climate), dice)]
 
 
 def _of_copies(seed: int, climate: Climate, spares: Iterator[int]) -> list[Fault]:

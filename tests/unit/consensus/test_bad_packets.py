@@ -217,7 +217,12 @@ def test_20_nobody_carries_what_a_stranger_brings(me: int, position: int) -> Non
     """None of it can be looked at: it may be megabytes of nothing, for anybody, and would be kept until it has come home."""
     plain = proposal(Phase.ACCEPT)
     ahead = replace(plain, proposal=replace(plain.proposal, position=position), route=(A, NodeId(me), C))
-    step = heard(ahead, STRANGER if me == B else NodeId(8), me=me)
+    stranger = STRANGER if me == B else NodeId(8)
+    step = heard(ahead, stranger, me=me)
+    # It may be that this node is behind, and the other one new; he need not wait.
+    home = [(effect.target, effect.message) for effect in step.effects if isinstance(effect, Send) and isinstance(effect.message, Accepted)]
+    answer = Accepted(GENESIS, ahead.proposal, ahead.digest, ahead.facts)
+    assert home == ([(stranger, answer)] if position == 5 else [])
     assert not step.after.hops and not [
         effect for effect in step.effects if isinstance(effect, Send) and isinstance(effect.message, Propose)
     ]
@@ -225,6 +230,12 @@ def test_20_nobody_carries_what_a_stranger_brings(me: int, position: int) -> Non
     carried = heard(ahead, A, me=me)
     assert [effect.target for effect in carried.effects if isinstance(effect, Send) and isinstance(effect.message, Propose)] == [C]
     assert len(carried.after.hops) == 1
+
+
+def test_20_a_stranger_cannot_have_a_proposal_promised() -> None:
+    """What is asked for is none of what its originator has signed, and only participants are trusted to bring that: it may not suit this node."""
+    assert heard(proposal(Phase.PREPARE), STRANGER).effects == ()
+    assert isinstance(heard(proposal(Phase.PREPARE), C).write, Persist)
 
 
 def test_20_a_stranger_keeps_nobody_from_asking_a_participant() -> None:
@@ -280,3 +291,9 @@ def test_20_values_of_what_is_decided_are_not_kept_for_the_way_home() -> None:
     learn = Learn(GENESIS, 1, value, Certificate(1, BALLOT, (vote(A, value), vote(C, value), vote(4, value))))
     after = take(setting, carried, Received(C, learn), WIDE_VIEW).after
     assert after.position == 1 and [hop.value for hop in after.hops] == [None]
+
+
+def test_20_nor_by_the_node_whose_vote_decides() -> None:
+    message = replace(proposal(Phase.ACCEPT), facts=(vote(A),))
+    step = heard(message, A)
+    assert step.after.position == 1 and [hop.value for hop in step.after.hops] == [None]

@@ -19,7 +19,7 @@ from scenefold.peer.logs.ports import Carrier
 WAITING_MAX = 512
 """Messages for one target: what is decided comes one by one."""
 WAITING_BYTES_MAX = 32 * 1024 * 1024
-"""Of the values in them."""
+"""Of the values in them, and in what is being sent."""
 
 
 class Courier:
@@ -46,8 +46,8 @@ class Courier:
             while waiting:
                 message = waiting.popleft()
                 behind = _behind(message, waiting)
-                self._bytes[target] -= sum(map(bytes_of, (message, *behind)))
                 await self._carrier.send(target, message, *behind)
+                self._bytes[target] -= sum(map(bytes_of, (message, *behind)))
         except Unreachable:
             self._lost(target)
         finally:

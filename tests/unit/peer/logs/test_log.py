@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import trio
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.consensus import Certificate, Decide, Judge, Learn, Outcome, Propose, State, Value
@@ -23,7 +23,8 @@ from scenefold.store.sealing import opened
 from scenefold.wire import Ballot, Phase, ProposalId
 from scenefold.world.sim import CALM, Point, Weather, run_simulated
 from unit.consensus.logs_made import GENESIS, Book, participants
-from unit.peer.logs.town import Node, Town, request_maker, until
+from unit.peer.logs import town as town_module
+from unit.peer.logs.town import Node, Town, _Wire, request_maker, until
 from unit.peer.logs.watch import log_on, slot_on
 
 
@@ -187,6 +188,30 @@ def test_what_strangers_say_is_decided_later_is_not_kept() -> None:
         assert list(log._ahead._kept) == [6]
 
     in_town(3, main)
+
+
+@pytest.mark.parametrize("at_once_bytes", [0, 1024 * 1024], ids=["by the arms", "at once"])
+def test_who_reaches_one_other_node_alone_decides_by_that_one(at_once_bytes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def reaches(self: Town, source: Node, target: Node) -> bool:
+        pair = {source.number, target.number}
+        return 1 not in pair or 2 in pair
+
+    send = _Wire._send
+
+    async def send_if_reached(self: Any, target: NodeId, message: Any) -> None:
+        if not self._town.reaches(self._node, self._town.by_id[target]):
+            raise Unreachable("there is no way", where=str(target))
+        await send(self, target, message)
+
+    async def main(town: Town) -> None:
+        monkeypatch.setattr(Town, "reaches", reaches)
+        monkeypatch.setattr(_Wire, "_send", send_if_reached)
+        for request in ("a", "b"):
+            assert (await ask(town.nodes[1], request, 9.0)).outcome is Outcome.COMMITTED
+        monkeypatch.undo()
+
+    monkeypatch.setattr(town_module, "AT_ONCE_BYTES", at_once_bytes)
+    in_town(5, main)
 
 
 def test_who_waits_behind_others_is_answered_in_time() -> None:

@@ -27,6 +27,7 @@ from unit.peer.logs.watch import Watch
 
 FOLDER = Path("data")
 REPLAYED_MAX = 300
+AT_ONCE_BYTES = 0
 
 
 @dataclass
@@ -61,7 +62,7 @@ class Town:
         self.replaced: frozenset[NodeId] = frozenset()
         """Nodes that are up, as others that take no part in the log."""
         self.owner = Owner()
-        self.at_once_bytes = 0
+        self.at_once_bytes = AT_ONCE_BYTES
         self.replayed = 0.0
         """Odds that, with a packet, an old one comes once more."""
         self._old: list[tuple[NodeId, str, bytes]] = []
