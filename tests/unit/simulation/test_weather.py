@@ -20,7 +20,17 @@ ALONE = [kind for kind in Kind if not (KINDS[kind].of_copies or KINDS[kind].of_c
 
 def test_a_thousand_seeds_have_five_hundred_of_each_kind_with_room_to_spare() -> None:
     counts = Counter(fault.kind for seed in range(1000) for fault in draw(seed, FIVE))
-    assert {kind: counts[kind] for kind in ALONE if counts[kind] < 600} == {}
+    assert {kind: counts[kind] for kind in ALONE if counts[kind] < 600 and not KINDS[kind].is_later} == {}
+
+
+def test_two_seeds_of_five_lose_all_their_power_and_are_what_they_were_else() -> None:
+    with_it = [draw(seed, FIVE) for seed in range(1000)]
+    assert 330 < sum(fault.kind is Kind.POWER for schedule in with_it for fault in schedule) < 470
+    assert {fault.slots for schedule in with_it for fault in schedule if fault.kind is Kind.POWER} == {()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delitem(KINDS, Kind.POWER)
+        without = [draw(seed, FIVE) for seed in range(1000)]
+    assert without == [tuple(fault for fault in schedule if fault.kind is not Kind.POWER) for schedule in with_it]
 
 
 def test_each_kind_is_missing_in_a_quarter_of_all_seeds() -> None:
