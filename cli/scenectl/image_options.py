@@ -22,7 +22,7 @@ class ImageOptions:
     """What is not given is as the scene says, or else as usual."""
 
     algorithm: str = "bounded-radial"
-    "How cells move: vivaldi, no-certainty, swarming, no-backtracking, voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi never do."
+    "How cells move: vivaldi, no-certainty, swarming, no-backtracking, voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi never do; whole: no cells, each node holds the whole scene."
     fixed_cells: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Leave the cells where they are at first."
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None

@@ -10,6 +10,8 @@ DATAGRAM_BYTES_MAX = 1400
 """A status datagram stays below common path MTUs."""
 PASS_PATHS_MAX = 65_536
 """Paths of one pass: their index is 16 bits in the ray record."""
+PASSES_MAX = 1 << 20
+"""Of one job: a set of them, as bits, fits a document."""
 RAY_FRAME_ITEMS_MAX = 1_024
 """Batches of rays that one node of a job sends another at a time, passes whose counts it tells, and passes that it says are closed."""
 ATOM_TRIANGLES_MAX = 1_000

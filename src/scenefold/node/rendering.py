@@ -103,6 +103,8 @@ class _LateService:
                 # Whoever asked may go away meanwhile: what has begun to answer goes on.
                 with trio.CancelScope(shield=True):
                     await self._nursery.start(service(self._host).run)
+        # Whoever asked may have gone away: what it wanted begins no more.
+        await trio.lowlevel.checkpoint_if_cancelled()
         return await self._host.handlers[type(packet)](packet, peer)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.image_limits import DEPTH_MAX, ROTATION_MAX, SAMPLES_MAX, SIDE_MAX, SKY_MAX
-from scenefold.base.limits import POOL_NODES_MAX
+from scenefold.base.limits import PASS_PATHS_MAX, PASSES_MAX, POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, flag, number, text, whole
 from scenefold.partition import Partition
 from scenefold.render.algorithms import USUAL_ALGORITHM, check_algorithm
@@ -106,6 +106,12 @@ class RenderOptions:
         if self.adaptive is not None:
             self.adaptive.check()
         check_algorithm(self.algorithm)
+        if self.plan.count > PASSES_MAX:
+            raise UsageFault(
+                f"that many samples of that many pixels are {self.window.pixels * self.samples:,} paths",
+                where="samples",
+                remedy=f"give fewer, or make a part of the image at a time: {PASSES_MAX * PASS_PATHS_MAX:,} is the most",
+            )
 
 
 def check_rotation(degrees: float) -> None:
@@ -261,6 +267,8 @@ class Job:
             raise ValueError("nodes and partition do not fit together")
         if not job.keys.nodes.issuperset(job.nodes):
             raise ValueError("the keys are not sealed to all of the nodes, so the client did not choose them all")
+        if job.plan.count > PASSES_MAX:
+            raise ValueError("it has too many paths")
         if not all(0.0 <= channel <= SKY_MAX for channel in job.sky) or not all(map(math.isfinite, job.camera)):
             raise ValueError("the sky is no colour, or the camera no camera")
         return job

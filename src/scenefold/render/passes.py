@@ -12,6 +12,9 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
+import numpy as np
+import numpy.typing as npt
+
 from scenefold.base.limits import PASS_PATHS_MAX
 from scenefold.base.location import LOCATION_BYTES, Location
 from scenefold.render.levels import Adaptive
@@ -51,6 +54,14 @@ class PassPlan:
         """How many paths a pass has."""
         level, _ = self._level_of(number)
         return min(PASS_PATHS_MAX, (*self.inner_ends, self.paths)[level] - self.first_path(number))
+
+    def sizes(self, numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """The same of several, i64[n]."""
+        ends, before = np.array((0, *self.inner_ends, self.paths)), np.array((0, *self._last_passes()))
+        level = np.searchsorted(before[1:], numbers, side="right")
+        first = ends[level] + (numbers - before[level]) * PASS_PATHS_MAX
+        sizes: npt.NDArray[np.int64] = np.minimum(PASS_PATHS_MAX, ends[level + 1] - first)
+        return sizes
 
     def level_of(self, number: int) -> int:
         """The level that a pass is of."""

@@ -8,11 +8,8 @@ from scenefold.render.pool.links import sender
 from scenefold.render.pool.links.link import Link
 from scenefold.render.pool.links.receiver import WINDOW
 from scenefold.render.pool.member import Member
-from scenefold.render.pool.own_passes import NODES_MANY, PASSES_IN_FLIGHT, PASSES_IN_FLIGHT_OF_MANY
+from scenefold.render.pool.own_passes import RAYS_OF_A_PATH, passes_in_flight
 from scenefold.render.pool.service import RenderService
-
-RAYS_OF_A_PATH = 2
-"""A path, and what it made last."""
 
 
 def beyond(services: Mapping[int, RenderService]) -> Iterator[tuple[int, str]]:
@@ -24,7 +21,7 @@ def beyond(services: Mapping[int, RenderService]) -> Iterator[tuple[int, str]]:
             if member is None:
                 continue
             attempt, nodes = (job, member._roster.attempt), len(member._roster.nodes)
-            in_flight = PASSES_IN_FLIGHT if nodes < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
+            in_flight = passes_in_flight(nodes)
             rays_max = nodes * in_flight * part.job.plan.size(0) * RAYS_OF_A_PATH
             waiting[attempt] = waiting.get(attempt, 0) + _waiting(member)
             if waiting[attempt] > rays_max:

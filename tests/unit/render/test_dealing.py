@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -168,6 +169,29 @@ def test_who_was_very_slow_and_has_nothing_to_do_is_tried_again() -> None:
     report(cards, 2, shares, 1, 5_000.0002)
     report(cards, 2, shares, 0, 5_000.3)
     assert cards.deal(3, 60_000, 5_000.3)[1] > PART_RAYS_MIN
+
+
+@pytest.mark.parametrize("pace", [100_000, 300_000, 500_000])
+@pytest.mark.parametrize("way_s", [0.002, 0.02, 0.06])
+def test_who_was_slow_once_is_not_slow_for_ever(pace: int, way_s: float) -> None:
+    """What a few rays take is the way there and back, which says nothing of a pace."""
+    cards, untried, now = dealer(2), dealer(2), 0.0
+
+    def render(some: Dealer, number: int, slower: int) -> list[int]:
+        shares = some.deal(number, PASS, now)
+        report(some, number, shares, 0, now + shares[0] / pace)
+        if shares[1]:
+            report(some, number, shares, 1, now + way_s + slower * shares[1] / pace)
+        some.closed(number, now + 0.7)
+        return shares
+
+    for number in range(3):
+        render(cards, number, 1_000 if number < 2 else 1)
+        now += 1_000.0
+    for number in range(3, 40):
+        again, never = render(cards, number, 1), render(untried, number, 1)
+        now += 1.0
+    assert again[1] >= never[1] / 2 or never[1] < 2 * PART_RAYS_MIN
 
 
 def test_few_rays_say_little_of_a_pace() -> None:

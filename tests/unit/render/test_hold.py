@@ -11,9 +11,11 @@ from trio.testing import MockClock
 
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.ids import NodeId
+from scenefold.base.reasons import RejectReason
 from scenefold.render.pool import service
 from scenefold.render.pool.hold import LOOK_S, PREPARE_S_MAX, QUIET_LOOKS, SILENT_LOOKS_MAX, WAITING_LOOKS_MAX, WORD_S, Hold
 from scenefold.render.pool.keeping import keep_places
+from scenefold.render.pool.part import Part
 from scenefold.render.pool.service import JOBS_MAX, JOBS_OF_A_NODE_MAX, RenderService
 from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, pack_value
 
@@ -222,3 +224,21 @@ async def test_who_is_lost_hears_nothing_more(autojump_clock: MockClock) -> None
     with trio.move_on_after(1.5 * WORD_S):
         await keep_places(host, job, lambda: living)  # type: ignore[arg-type]
     assert sorted(heard) == sorted([ORGANISER, ORGANISER, OTHER])
+
+
+async def test_who_waits_for_a_part_that_ends_meanwhile_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else its organiser takes it for ready, and hears of something else later."""
+    part = Part.__new__(Part)
+    part.failure, part._was_ready, part._prepared = None, False, trio.Event()
+    told: list[Refused] = []
+
+    async def wait() -> None:
+        with pytest.raises(Refused, match="ended while it was prepared") as caught:
+            await part.prepared()
+        told.append(caught.value)
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(wait)
+        await trio.testing.wait_all_tasks_blocked()
+        part._prepared.set()
+    assert [refusal.reason for refusal in told] == [RejectReason.NOT_READY]

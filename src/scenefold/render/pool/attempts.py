@@ -15,7 +15,7 @@ from scenefold.render.job import Job
 from scenefold.render.pool.company import Company, NodesBack, NodesLost, back_of, is_away, lost_of
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.part import Part
-from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
+from scenefold.render.pool.pass_bits import bits_of, passes_of
 from scenefold.render.pool.roster import Roster
 from scenefold.world import Clock, leaves
 
@@ -171,7 +171,7 @@ class Attempts:
         return ours, theirs
 
     def _check(self, lost: NodesLost) -> None:
-        if self._company.roster.organiser in lost.nodes or (not self._company.roster.attempt and self._job.plan.count > PASSES_MAX):
+        if self._company.roster.organiser in lost.nodes:
             raise lost.error
 
     def _told(self, name: str) -> int:

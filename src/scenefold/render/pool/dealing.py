@@ -19,6 +19,8 @@ from scenefold.render.pool.still_open import StillOpen
 
 PROBE_RAYS = 64
 """At least so many get those who have nothing else to do and were slow: else nobody would ever learn that they are quick again."""
+PROBE_RAYS_MAX = 16_384
+_PROBE_GROWTH = 4
 PART_RAYS_MIN = 1_024
 """Fewer are not worth their sums."""
 TRIP_S = 0.1
@@ -61,6 +63,8 @@ class Dealer:
         self._closed_at = [now] * nodes
         """When each closed a pass last."""
         self._helpers: dict[int, frozenset[int]] = {}
+        self._probes = [PROBE_RAYS] * nodes
+        """How many rays the next one has."""
 
     # What is left --------------------------------------------------------------------------------------------
 
@@ -103,10 +107,10 @@ class Dealer:
         dealt[self._me] += dealt[few].sum()
         dealt[few] = 0
         for node in self._forgotten(paces, dealt):
-            most = int(np.argmax(dealt))
-            if dealt[most] >= 4 * PROBE_RAYS:
-                dealt[node] += PROBE_RAYS
-                dealt[most] -= PROBE_RAYS
+            most, probe = int(np.argmax(dealt)), self._probes[node]
+            if dealt[most] >= 4 * probe:
+                dealt[node] += probe
+                dealt[most] -= probe
         for node, count in enumerate(dealt.tolist()):
             if count:
                 self._parts[node][number] = _Part(count, now)
@@ -129,6 +133,9 @@ class Dealer:
         if not is_done:
             return
         del self._parts[node][number]
+        # What so few rays take is the way there and back: who is back in time gets more the next time, until that says something.
+        is_quick = part.rays == self._probes[node] and now - part.dealt_at <= TRIP_S
+        self._probes[node] = min(_PROBE_GROWTH * self._probes[node], PROBE_RAYS_MAX) if is_quick else PROBE_RAYS
         before = self._done_at[node]
         self._paces[node].add(part.rays, now - max(part.dealt_at, before), is_alone=part.dealt_at >= before and not self._parts[node])
         self._done_at[node] = now

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+
 import numpy as np
 
-from scenefold.base.errors import PeerFault
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.limits import PASS_PATHS_MAX
 from scenefold.base.rays import RAY_BYTES, RAY_WORDS
+from scenefold.base.reasons import RejectReason
 from scenefold.render.passes import PassPlan
 from scenefold.render.pool.outbox import Batch
+from scenefold.render.pool.own_passes import RAYS_OF_A_PATH, pass_owner, passes_in_flight
 from scenefold.wire import SendRays
 
 
@@ -27,3 +32,23 @@ def batches_of(packet: SendRays, plan: PassPlan) -> list[Batch]:
         batches.append(Batch(batch.partition_epoch, number, some if len(packet.batches) == 1 else some.copy()))
         at += batch.count
     return batches
+
+
+def check_room(batches: Sequence[Batch], known: Collection[int], waiting: int, nodes: int) -> None:
+    """PeerFault for what no honest node sends: rays of more passes than may be open, or more rays than those have (specs/30-ray-links.md).
+
+    `known`: passes of which this node has had rays; `waiting`: rays that wait here. What is known here its owner does not know to be closed.
+    """
+    open_max = passes_in_flight(nodes) * nodes
+    fresh = {batch.number for batch in batches}.difference(known)
+    if fresh and len(known) + len(fresh) > 2 * open_max:
+        raise PeerFault("rays of more passes came than may be open", where=f"{len(known)} and {len(fresh)} more")
+    more = sum(len(batch.rays) for batch in batches)
+    if more and waiting + more > open_max * PASS_PATHS_MAX * RAYS_OF_A_PATH:
+        raise PeerFault("more rays came than open passes have", where=f"{waiting} and {more} more")
+
+
+def check_dealt(batches: Sequence[Batch], plan: PassPlan, nodes: int, sender: int) -> None:
+    """Refused (12) if rays are not of a pass of the node that sent them: paths are dealt by who owns them, and go no further."""
+    if any(pass_owner(plan, batch.number, nodes) != sender for batch in batches):
+        raise Refused(RejectReason.NOT_AUTHORISED, "paths are dealt by the owner of their pass", where=f"node {sender} of the job")

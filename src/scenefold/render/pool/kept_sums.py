@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from scenefold.render.ledger import Counts
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.passes import PassPlan
 from scenefold.render.sum_columns import SumColumns
+from scenefold.wire import PassSums as PassSumsPacket
 
 
 class KeptSums:
@@ -46,3 +48,19 @@ class KeptSums:
     def forget(self, number: int) -> None:
         """A pass is closed."""
         self._kept.pop(number, None)
+
+
+def sums_packet(job: int, attempt: int, number: int, payload: bytes, counts: Counts) -> PassSumsPacket:
+    """Sums of a pass on their way, as `PassSums.to_bytes` has them."""
+    return PassSumsPacket(
+        job=job,
+        pass_index=number,
+        attempt=attempt,
+        created=counts.created,
+        retired=counts.retired,
+        sent=counts.sent,
+        received=counts.received,
+        part_index=0,
+        part_count=1,
+        payload=payload,
+    )

@@ -31,8 +31,8 @@ from scenefold.render.pass_sums import PassSums as Sums
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.dealing import Dealer
 from scenefold.render.pool.films import Summed
-from scenefold.render.pool.incoming import batches_of
-from scenefold.render.pool.kept_sums import KeptSums
+from scenefold.render.pool.incoming import batches_of, check_dealt, check_room
+from scenefold.render.pool.kept_sums import KeptSums, sums_packet
 from scenefold.render.pool.lasting import Lasting
 from scenefold.render.pool.links.link import Link
 from scenefold.render.pool.links.sender import GIVE_UP_S
@@ -114,6 +114,9 @@ class Member:
         count = len(packet.rays) // RAY_BYTES
         if not link.is_new(packet.link_sequence, frame_size(count, len(packet.counts))):
             return
+        check_room(batches, self._counts, len(self._queue), len(self._roster.nodes))
+        if self._dealer is not None:
+            check_dealt(batches, self._plan, len(self._roster.nodes), node)
         for batch in batches:
             self._take(batch)
         if batches:
@@ -136,25 +139,12 @@ class Member:
             self._queue.lend(batch.number)
             self._stray(Work(batch.number, batch.rays))
 
-    async def on_collect(self, packet: CollectPass) -> PassSums:
-        """The owner of a pass takes its second reading. PeerFault for a pass that the job does not have."""
-        number = packet.pass_index
-        if number >= self._plan.count:
-            raise PeerFault("the job has no such pass", where=f"pass {number}")
+    async def on_collect(self, node: int, packet: CollectPass) -> PassSums:
+        """The owner of a pass takes its second reading. PeerFault for a pass that the job does not have, Refused if it is another node's."""
+        number = closed_pass(self._plan, len(self._roster.nodes), node, packet.pass_index)
         counts = self._counts.get(number, Counts())
         payload = await self._world.workers.run(FILM_LANE, self._sums.packed, number)
-        return PassSums(
-            job=packet.job,
-            pass_index=number,
-            attempt=packet.attempt,
-            created=counts.created,
-            retired=counts.retired,
-            sent=counts.sent,
-            received=counts.received,
-            part_index=0,
-            part_count=1,
-            payload=payload,
-        )
+        return sums_packet(packet.job, packet.attempt, number, payload, counts)
 
     async def on_copy(self, node: int, packet: PassSums) -> None:
         """A pass that another node has closed, to be kept for it, one at a time. PeerFault or Refused if it is not that node's, or not ours to keep."""
@@ -396,6 +386,9 @@ class Member:
 
     def _report(self, node: int, number: int, counts: Counts) -> None:
         if self._dealer is not None:
+            if node != self._me and node not in self._dealer.helpers(number):
+                # It was dealt nothing: nobody reads its counts a second time.
+                return
             self._dealer.reported(number, node, counts, self._world.clock.now())
         ledger = self._own.ledgers.get(number)
         if ledger is not None and ledger.report(node, counts) and self._nursery is not None:
@@ -423,6 +416,8 @@ class Member:
             replies[index] = reply
 
         while True:
+            # Where nobody else has sums nothing else would let others run.
+            await trio.lowlevel.checkpoint()
             replies.clear()
             async with trio.open_nursery() as nursery:
                 for index in takers:
@@ -469,18 +464,7 @@ class Member:
             await self._world.clock.sleep(AGAIN_S)
 
     def _copy_of(self, number: int, total: Sums) -> PassSums:
-        return PassSums(
-            job=self._job.id,
-            pass_index=number,
-            attempt=self._roster.attempt,
-            created=0,
-            retired=0,
-            sent=0,
-            received=0,
-            part_index=0,
-            part_count=1,
-            payload=total.to_bytes(),
-        )
+        return sums_packet(self._job.id, self._roster.attempt, number, total.to_bytes(), Counts())
 
     def _close(self, number: int, payloads: list[bytes]) -> Sums:
         """Add everybody's sums of a pass, and the pass to the film. In a worker; passes close one at a time."""

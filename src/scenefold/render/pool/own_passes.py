@@ -6,10 +6,13 @@ from bisect import bisect_left
 from collections.abc import Collection, Sequence
 from functools import lru_cache
 
+import numpy as np
+
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId
-from scenefold.base.location import Location, arcs_between, even_right_bounds
+from scenefold.base.location import Location, even_right_bounds
 from scenefold.base.reasons import RejectReason
+from scenefold.render.arrays import U16
 from scenefold.render.ledger import PassLedger
 from scenefold.render.passes import PassPlan
 
@@ -22,9 +25,26 @@ _COPY = -1
 """No node's place."""
 
 
+RAYS_OF_A_PATH = 2
+"""That wait, at most: what goes on, and one that looks for a light."""
+
+
+def passes_in_flight(nodes: int) -> int:
+    """Of each node's own passes, among so many nodes."""
+    return PASSES_IN_FLIGHT if nodes < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
+
+
 def pass_owner(plan: PassPlan, number: int, nodes: int) -> int:
     """The index of the node whose even arc of the line holds the pass's location."""
     return owner_index(plan.location(number), nodes)
+
+
+@lru_cache(maxsize=4)
+def owners_of(plan: PassPlan, nodes: int) -> U16:
+    """The same of all passes, u16[count], read only. It takes microseconds a pass: whoever needs it in time has it made in a worker before."""
+    owners = np.fromiter((pass_owner(plan, number, nodes) for number in range(plan.count)), np.uint16, plan.count)
+    owners.setflags(write=False)
+    return owners
 
 
 def owner_index(location: Location, nodes: int) -> int:
@@ -51,12 +71,11 @@ class OwnPasses:
 
     def __init__(self, plan: PassPlan, nodes: Sequence[NodeId], me: int, done: Collection[int] = frozenset()) -> None:
         """`done`: passes that are closed already."""
-        arcs = arcs_between(even_right_bounds(len(nodes)))
-        mine = arcs[me]
-        self._waiting = [number for number in range(plan.count) if number not in done and plan.location(number) in mine]
+        mine = np.flatnonzero(owners_of(plan, len(nodes)) == me).tolist()
+        self._waiting = [number for number in mine if number not in done]
         self._waiting.reverse()
         self._nodes = len(nodes)
-        self._open_max = PASSES_IN_FLIGHT if len(nodes) < NODES_MANY else PASSES_IN_FLIGHT_OF_MANY
+        self._open_max = passes_in_flight(len(nodes))
         self._until = 0
         self.total = len(self._waiting)
         self.closed = 0

@@ -28,7 +28,8 @@ from scenefold.render.pool.lasting import Lasting, MemberStatistics
 from scenefold.render.pool.levels import Gathered
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.moving import Moving
-from scenefold.render.pool.pass_bits import PASSES_MAX, bits_of, passes_of
+from scenefold.render.pool.own_passes import owners_of
+from scenefold.render.pool.pass_bits import bits_of, passes_of
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
@@ -125,6 +126,10 @@ class Part:
         await self._prepared.wait()
         if self.failure is not None:
             raise told(self.failure)
+        if not self._was_ready:
+            raise Refused(
+                RejectReason.NOT_READY, "this node's part of the job ended while it was prepared", remedy="start the render again"
+            )
 
     @property
     def has_failed(self) -> bool:
@@ -205,6 +210,7 @@ class Part:
                 self._tracing.cancel()
                 self._sent_before = self._sent(member)
             await self._rested.wait()
+            await self._host.world.workers.run(FILM_LANE, owners_of, self.job.plan, len(roster.nodes))
             async with self._films_turn:
                 self.films.forget_gathered(gathered)
                 await self._host.world.workers.run(FILM_LANE, self.films.adopt, roster.nodes)
@@ -261,8 +267,8 @@ class Part:
 
     async def on_collect(self, node: NodeId, packet: CollectPass) -> PassSums:
         """Refused (16) if it is of another attempt."""
-        member, _ = self._in_attempt(node, packet.attempt)
-        return await member.on_collect(packet)
+        member, place = self._in_attempt(node, packet.attempt)
+        return await member.on_collect(place, packet)
 
     async def on_copy(self, node: NodeId, packet: PassSums) -> None:
         """A closed pass of another node. Refused (16) if it is of another attempt: also if one begins while it waits."""
@@ -327,7 +333,7 @@ class Part:
             }
             if self.job.moves:
                 document["hits"] = self._lasting.hits.to_bytes()
-            if self.phase is Phase.HELD and self.job.plan.count <= PASSES_MAX:
+            if self.phase is Phase.HELD:
                 document["film"] = bits_of(self.films.own.passes, self.job.plan.count)
         return document
 
@@ -353,6 +359,7 @@ class Part:
         self._check_memory()
         held = await self._moving.open()
         self._digest = held.loaded.digest
+        await host.world.workers.run(FILM_LANE, owners_of, job.plan, len(job.nodes))
         self._member = self._made(held.cell, held.loaded.numbers.stride, ())
         self._prepare_seconds = host.world.clock.now() - begun
         self.phase, self._was_ready = Phase.READY, True

@@ -8,12 +8,9 @@ import numpy as np
 
 from scenefold.base.errors import PeerFault
 
-PASSES_MAX = 1 << 20
-"""A set of more would not fit a document: jobs that have more are not begun again."""
-
 
 def bits_of(passes: Collection[int], count: int) -> bytes:
-    """Of passes among so many, at most `PASSES_MAX`."""
+    """Of passes among so many."""
     table = np.zeros(count, np.bool_)
     table[np.fromiter(passes, np.int64, len(passes))] = True
     return np.packbits(table, bitorder="little").tobytes()
