@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trio
@@ -35,6 +37,7 @@ from scenefold.wire import (
     SendRays,
     pack_value,
 )
+from scenefold.world import Clock
 from scenefold.world.real.world import offline_world
 
 SMALL = RenderOptions(width=48, height=36, samples=8, seed=3, sky=(0.2, 0.3, 0.5))
@@ -290,3 +293,34 @@ async def test_a_node_that_ends_waits_for_nothing(room: Records, monkeypatch: py
             await pool.until(11, owner, "rendering")
             await pool.ask(owner, CancelJob(job=11))
             await begun.wait()
+
+
+class _Jumping:
+    """A clock that goes on while its machine sleeps."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self.slept_s = clock, 0.0
+
+    def now(self) -> float:
+        return self._clock.now() + self.slept_s
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._clock, name)
+
+
+@pytest.mark.parametrize("algorithm", ["voronoi", "whole"])
+async def test_nodes_that_have_slept_together_have_not_waited_for_each_other(room: Records, algorithm: str) -> None:
+    """A laptop is shut for an hour: nothing could be acknowledged meanwhile, and nobody is lost."""
+    world = offline_world()
+    clock = _Jumping(world.clock)
+    async with memory_pool(replace(world, clock=clock), room, 3) as pool:
+        options = RenderOptions(width=96, height=72, samples=96, sky=(1.0, 1.0, 1.0), algorithm=algorithm)
+        owner = await pool.start(12, options)
+        for closed in (1, 3, 5):
+            while (await pool.state(12, owner))["closed"] < closed:
+                await world.clock.sleep(0.005)
+            clock.slept_s += 3_600.0
+        image, state = await pool.finished(12, owner)
+    assert (state["lost"], state["attempts"]) == ([], 1)
+    async with memory_pool(offline_world(), room, 1) as pool:
+        assert sha256_of(image) == sha256_of((await pool.render(12, replace(options, algorithm="voronoi")))[0])

@@ -7,6 +7,8 @@ from collections.abc import Awaitable, Callable, Collection
 from dataclasses import replace
 from functools import partial
 
+import trio
+
 from scenefold.base.errors import PeerFault, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.partition import Partition
@@ -71,8 +73,8 @@ class Attempts:
 
         Nobody's film changes before all have come. So if some have not, and nobody is lost, all are asked again.
         """
-        until, pause_s = self._clock.now() + GATHER_S_MAX, GATHER_PAUSE_S
-        while not await self._has_gathered(passes, is_last=self._clock.now() > until):
+        until, pause_s = trio.current_time() + GATHER_S_MAX, GATHER_PAUSE_S
+        while not await self._has_gathered(passes, is_last=trio.current_time() > until):
             await self._clock.sleep(pause_s)
             pause_s *= 2
         await self._company.tell({"gathered": self._gathered})

@@ -28,6 +28,7 @@ from scenefold.render.film import EVERY_ROW, GoesOn
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts, PassState
 from scenefold.render.pass_sums import PassSums as Sums
+from scenefold.render.pool.awake import Awake
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.dealing import Dealer
 from scenefold.render.pool.films import Summed
@@ -70,7 +71,7 @@ class Member:
     ) -> None:
         """`me`: the node's place. `done`: passes that are traced no more. `ask` and `send` reach the node at a place: with an answer, and without."""
         self._job, self._roster, self._me, self._stride, self._world = job, roster, me, stride, world
-        self._cell = cell
+        self._cell, self._clock = cell, Awake()
         self._ask = ask
         self._plan = job.plan
         self._films, self.statistics, self.hits = lasting.films, lasting.statistics, lasting.hits
@@ -82,7 +83,7 @@ class Member:
         self._reported: dict[int, Counts] = {}
         self._sums = KeptSums(self._plan, job.columns)
         self._links = {
-            index: Link(job, roster.attempt, address_of(node), world.clock, partial(send, index), partial(self._knows_closed, index))
+            index: Link(job, roster.attempt, address_of(node), self._clock, partial(send, index), partial(self._knows_closed, index))
             for index, node in enumerate(roster.nodes)
             if index != me
         }
@@ -90,7 +91,7 @@ class Member:
         self._astray: deque[Work] = deque()
         """Rays to be addressed anew."""
         self._strayed = trio.Event()
-        self._dealer = Dealer(self._plan, len(roster.nodes), me, done, world.clock.now()) if job.whole else None
+        self._dealer = Dealer(self._plan, len(roster.nodes), me, done, self._clock.now()) if job.whole else None
         self._opening = False
         self._resting = 0
         """Threads that have nothing to trace."""
@@ -127,7 +128,7 @@ class Member:
         for number in closed:
             self._forget(number)
             if self._dealer is not None:
-                self._dealer.ended(node, number, self._world.clock.now())
+                self._dealer.ended(node, number, self._clock.now())
 
     def _take(self, batch: Batch) -> None:
         self._count(batch.number, Counts(received=len(batch.rays)))
@@ -187,7 +188,7 @@ class Member:
         """Open passes below this one."""
         self._own.release(until)
         if self._dealer is not None:
-            self._dealer.release(until, self._world.clock.now())
+            self._dealer.release(until, self._clock.now())
         self._wake()
 
     # Moving --------------------------------------------------------------------------------------------------
@@ -308,10 +309,10 @@ class Member:
         """Trace some of what waits; the other threads that rest get their part of it."""
         taken = self._queue.take_share(1 + self._resting)
         batches = [(work.rays, self._plan.first_path(work.number), self._sums.of_thread(work.number, thread)) for work in taken]
-        begun = self._world.clock.now()
+        begun = self._clock.now()
         with cell.at_work():
             outcomes = await self._world.workers.run(LANE, advanced, cell.tracers[thread], batches)
-        self.statistics.busy_seconds += self._world.clock.now() - begun
+        self.statistics.busy_seconds += self._clock.now() - begun
         for work, outcome in zip(taken, outcomes, strict=True):
             self._traced(cell, work.number, outcome)
 
@@ -335,13 +336,13 @@ class Member:
             self._opening = False
         created = sum(map(len, rays.values()))
         if self._dealer is not None and created:
-            rays = self._dealer.dealt(number, rays[0], self._world.clock.now())
+            rays = self._dealer.dealt(number, rays[0], self._clock.now())
         if not created:
             # None of its pixels goes on: nobody has anything of it.
             self._films.own.passes.add(number)
             self._own.close(number)
             if self._dealer is not None:
-                self._dealer.closed(number, self._world.clock.now())
+                self._dealer.closed(number, self._clock.now())
                 self._tell_closed(number)
             self._wake()
             return
@@ -389,7 +390,7 @@ class Member:
             if node != self._me and node not in self._dealer.helpers(number):
                 # It was dealt nothing: nobody reads its counts a second time.
                 return
-            self._dealer.reported(number, node, counts, self._world.clock.now())
+            self._dealer.reported(number, node, counts, self._clock.now())
         ledger = self._own.ledgers.get(number)
         if ledger is not None and ledger.report(node, counts) and self._nursery is not None:
             ledger.begin_collection()
@@ -437,7 +438,7 @@ class Member:
             total = await self._world.workers.run(FILM_LANE, self._close, number, [reply.payload for reply in replies.values()])
         self._forget(number)
         if self._dealer is not None:
-            self._dealer.closed(number, self._world.clock.now())
+            self._dealer.closed(number, self._clock.now())
         self._own.close(number, takers, is_copied=self._keeper is None)
         self._tell_closed(number)
         self._wake()
@@ -452,14 +453,14 @@ class Member:
 
     async def _answer(self, node: int, packet: Packet) -> Packet:
         """Ask until it answers: of a node that died, or cannot be reached, the organiser will tell, which ends this."""
-        give_up_at = self._world.clock.now() + GIVE_UP_S
+        give_up_at = self._clock.now() + GIVE_UP_S
         while True:
             try:
                 return await self._ask(node, packet, COLLECT_S_MAX)
             except (Unreachable, Refused) as error:
                 if isinstance(error, Refused) and error.reason is not RejectReason.NOT_READY:
                     raise
-                if self._world.clock.now() >= give_up_at:
+                if self._clock.now() >= give_up_at:
                     self._give_up(node, error)
             await self._world.clock.sleep(AGAIN_S)
 

@@ -114,7 +114,7 @@ class Organiser:
         self._is_free = False
         """All nodes have let go of the job."""
         self._traced: int | None = None
-        self._requested_at = self._asked_at = self.now()
+        self._requested_at, self._asked_at = self.now(), trio.current_time()
         self._scope = trio.CancelScope()
         self.image: bytes = b""
 
@@ -160,17 +160,17 @@ class Organiser:
     @property
     def is_idle(self) -> bool:
         """Whether the image is there, and nobody has asked for it for a while who would."""
-        return self._phase == "done" and self._unattended is None and self.now() - self._asked_at > IDLE_S
+        return self._phase == "done" and self._unattended is None and trio.current_time() - self._asked_at > IDLE_S
 
     @property
     def is_forsaken(self) -> bool:
         """Whether it is at work, and nobody has asked for it for so long that nobody will."""
         at_work = self._phase not in ("done", "failed")
-        return at_work and self._unattended is None and self.now() - self._asked_at > FORSAKEN_S
+        return at_work and self._unattended is None and trio.current_time() - self._asked_at > FORSAKEN_S
 
     def asked(self) -> None:
         """Somebody still wants the image."""
-        self._asked_at = self.now()
+        self._asked_at = trio.current_time()
 
     def forget(self) -> None:
         """Keep the words, or the image, no longer."""

@@ -12,18 +12,18 @@ from scenefold.base.errors import Unreachable
 from scenefold.render.arrays import U32
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts
+from scenefold.render.pool.awake import Timepiece
 from scenefold.render.pool.links.receiver import Receiver
 from scenefold.render.pool.links.sender import GIVE_UP_S, Sender
 from scenefold.render.pool.outbox import Frame, PeerOutbox
 from scenefold.wire import AcknowledgeRays, Packet, PassCounts, RayBatch, SendRays
-from scenefold.world import Clock
 
 
 class Link:
     """To one node, and from it. From the Trio thread only."""
 
     def __init__(
-        self, job: Job, attempt: int, where: str, clock: Clock, send: Callable[[Packet], Awaitable[None]], told: Callable[[int], None]
+        self, job: Job, attempt: int, where: str, clock: Timepiece, send: Callable[[Packet], Awaitable[None]], told: Callable[[int], None]
     ) -> None:
         """`where`: the other node, for errors. `send`: may raise Unreachable. `told`: the node knows that this pass is closed."""
         self._job, self._attempt, self._where = job, attempt, where
