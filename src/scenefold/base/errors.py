@@ -66,5 +66,13 @@ class Refused(ScenefoldError):
         self.reason = reason
 
 
+class NoLease(Refused):
+    """What was to be done takes a lease, which nobody lends just now, or which is over. `was_held`: it was lent, and was not renewed in time."""
+
+    def __init__(self, reason: RejectReason, what: str, *, where: str = "", remedy: str = "", was_held: bool = False) -> None:
+        super().__init__(reason, what, where=where, remedy=remedy)
+        self.was_held = was_held
+
+
 def _made_again(kind: type[ScenefoldError], args: tuple[Any, ...]) -> ScenefoldError:
     return kind.__new__(kind, *args)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import trio
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import NoLease, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, SpaceId, address_of
 from scenefold.base.limits import CLIENT_ASKED_MAX, LEASE_LOOK_S
 from scenefold.base.reasons import RejectReason
@@ -236,7 +236,7 @@ def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError], use: Leas
     for problem in refused:
         if problem.reason is RejectReason.BUSY:
             what = f"nothing is {done} just now: somebody changes its mode, or too many hold leases of it"
-            return Refused(RejectReason.BUSY, what, where=where, remedy="try again in a while")
+            return NoLease(RejectReason.BUSY, what, where=where, remedy="try again in a while")
     # Who began anew, and takes no part any more, says what all say of a key that may not write.
     is_of_us = len(refused) == len(problems) and all(problem.reason is RejectReason.NOT_AUTHORISED for problem in refused)
     for problem in refused:
@@ -247,4 +247,4 @@ def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError], use: Leas
         f"{len(deciders) // 2 + 1} of them must hear each other"
     )
     remedy = f"start those that are down, or wait until the network is whole, and repeat it; nothing was {done.split()[0]}"
-    return Refused(RejectReason.MODE_FORBIDS, what, where=where, remedy=remedy)
+    return NoLease(RejectReason.MODE_FORBIDS, what, where=where, remedy=remedy)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import trio
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import NoLease
 from scenefold.base.ids import KeyId, SpaceId
 from scenefold.base.reasons import RejectReason
 from scenefold.client.borrower import Borrowing
@@ -87,7 +87,7 @@ class Leases:
             borrowing.ends()
         if body.cancelled_caught:
             what = "the lease under which the scene was being rendered ran out: no node that decides it answered in time"
-            raise Refused(RejectReason.MODE_FORBIDS, what, where=f"scene {access.name}", remedy="render again")
+            raise NoLease(RejectReason.MODE_FORBIDS, what, where=f"scene {access.name}", remedy="render again", was_held=True)
 
     def of(self, access: SceneAccess, key: SigningKey, use: LeaseUse = LeaseUse.EDIT) -> Borrowing:
         """One for each scene, key and use, however often the scene is opened. To its lender each is another borrower."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import NoLease, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster
@@ -48,11 +48,15 @@ class Tries:
         """Whether to, after an error. `passes`: those that need not be traced again."""
         if passes > self._passes:
             self._passes, self._vain = passes, 0
-        if not may_pass(error) or self._vain >= VAIN_MAX or self.begun >= BEGUN_MAX:
+        if not self._may_pass(error) or self._vain >= VAIN_MAX or self.begun >= BEGUN_MAX:
             return False
         self.begun += 1
         self._vain += 1
         return True
+
+    def _may_pass(self, error: ScenefoldError) -> bool:
+        """After a while in which no participant answered, as when the power of all failed, it takes a while more until they lend again."""
+        return may_pass(error) or (isinstance(error, NoLease) and (error.was_held or self.begun > 1))
 
     @property
     def pause_s(self) -> float:

@@ -9,7 +9,7 @@ import pytest
 import trio
 from trio.testing import MockClock
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import NoLease, Refused
 from scenefold.base.limits import LEASE_LOOK_S
 from scenefold.base.reasons import RejectReason
 from scenefold.client import borrower
@@ -267,9 +267,10 @@ async def test_a_render_ends_when_its_lease_does(autojump_clock: MockClock, tmp_
         with pytest.raises(Refused, match="ran out") as told:
             await render()
         assert told.value.reason is RejectReason.MODE_FORBIDS and trio.current_time() - began == 11.0
+        assert isinstance(told.value, NoLease) and told.value.was_held
         council.away = set()
         council.unlending = dict.fromkeys(FIVE, RejectReason.MODE_FORBIDS)
-        with pytest.raises(Refused, match="nothing was rendered"):
+        with pytest.raises(NoLease, match="nothing was rendered"):
             async with leases.rendering(scene.access):
                 raise AssertionError("nobody has lent anything")
     council.unlending.clear()

@@ -9,7 +9,7 @@ import pytest
 import trio
 from trio.testing import MockClock
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import LocalFault, NoLease, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster, Scene
@@ -62,12 +62,21 @@ def test_there_is_an_end_of_it() -> None:
         (Refused(RejectReason.NOT_AUTHORISED, "no"), False),
         (Refused(RejectReason.MODE_FORBIDS, "edit mode"), False),
         (Refused(RejectReason.POOL_BUSY, "full"), False),
+        (NoLease(RejectReason.MODE_FORBIDS, "nobody lends one"), False),
+        (NoLease(RejectReason.MODE_FORBIDS, "nobody answered in time", was_held=True), True),
         (LocalFault("too large"), False),
         (PeerFault("nonsense"), False),
     ],
 )
 def test_what_will_fail_again_is_not_tried_again(error: ScenefoldError, is_so: bool) -> None:
     assert Tries().may_begin_anew(error, 0) == is_so
+
+
+def test_once_all_were_gone_for_a_while_it_is_waited_until_they_lend_again() -> None:
+    tries = Tries()
+    assert tries.may_begin_anew(NoLease(RejectReason.MODE_FORBIDS, "nobody answered in time", was_held=True), 7)
+    assert tries.may_begin_anew(NoLease(RejectReason.BUSY, "they have just started"), 7)
+    assert not tries.may_begin_anew(Refused(RejectReason.MODE_FORBIDS, "somebody switched to edit mode"), 7)
 
 
 class Chooser:

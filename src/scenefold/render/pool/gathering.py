@@ -18,8 +18,10 @@ from scenefold.render.pool.share import FILM_LANE
 from scenefold.render.pool.telling import error_of
 from scenefold.wire import FilmPart, JobAnswer, MergeFilm, Packet
 
-MERGE_S_MAX = 600.0
+MERGE_S_MIN = 600.0
+"""For all films behind a neighbour to come to it, at least."""
 PART_S_MAX = 120.0
+"""For a part of a film to go from a node to the next one."""
 
 
 class Gathering:
@@ -63,9 +65,19 @@ class Gathering:
             await self._host.world.workers.run(FILM_LANE, self._films.merge_part, packet.gathering, packet.part_index, packet.payload)
 
     async def _collect(self, number: int, roster: Roster, place: int) -> None:
-        await self._ask(roster, place, MergeFilm(job=self._job.id, gathering=number), MERGE_S_MAX)
+        me = roster.nodes.index(self._host.node_id)
+        films = place + 1 if place < me else len(roster.nodes) - place
+        await self._ask(roster, place, MergeFilm(job=self._job.id, gathering=number), merge_s_max(self._films.part_count, films))
 
     async def _ask(self, roster: Roster, place: int, packet: Packet, timeout_s: float) -> None:
         answer = await self._host.ask(roster.nodes[place], packet, timeout_s)
         if isinstance(answer, JobAnswer) and answer.reason:
             raise error_of(answer.reason, answer.text, where=address_of(roster.nodes[place]))
+
+
+def merge_s_max(parts: int, films: int) -> float:
+    """How long a neighbour may take to have so many films come, of so many parts each, one behind the other: the last one is its own, to us.
+
+    On a slow link a large film takes hours, and what is lost is noticed elsewhere (`Company`).
+    """
+    return max(MERGE_S_MIN, PART_S_MAX * parts * films)
