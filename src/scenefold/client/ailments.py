@@ -70,10 +70,19 @@ def _found(node: NodeState, around: Surroundings) -> Iterable[Ailment]:
     if copies.rotten:
         yield _rotten(copies, address)
     if copies.unrecovered:
-        text = f"{address}: it does not know yet what was acknowledged on {copies.unrecovered_share:.1%} of the line, which it took over"
-        to_do = f"{around.start}: every node is asked what it has" if around.silent else "wait: every node is asked"
-        yield Ailment("unrecovered", address, text, to_do, mends_itself=not around.silent)
+        yield _unrecovered(copies, address, around)
     yield from _on_their_way(node, copies, around)
+
+
+def _unrecovered(copies: CopiesReport, address: str, around: Surroundings) -> Ailment:
+    text = f"{address}: it does not know yet what was acknowledged on {copies.unrecovered_share:.1%} of the line, which it took over"
+    if copies.named_most:
+        named = some_text([f"{node} ({count:,})" for node, count in copies.named_most])
+        text += f": more pieces are said to be held there than it can keep, most of them by {named}"
+        to_do = "if one of these cannot hold so many pieces, it lies: take it off the line (scenectl cluster revoke)"
+        return Ailment("unrecovered", address, text, to_do)
+    to_do = f"{around.start}: every node is asked what it has" if around.silent else "wait: every node is asked"
+    return Ailment("unrecovered", address, text, to_do, mends_itself=not around.silent)
 
 
 def _unexplained(copies: CopiesReport, around: Surroundings) -> list[CopiesOf]:

@@ -134,6 +134,8 @@ class CopiesReport:
     full: tuple[str, ...] = ()
     """Nodes that had no room for copies of what it owns."""
     lost: tuple[LossReport, ...] = ()
+    named_most: tuple[tuple[str, int], ...] = ()
+    """Nodes, by address, that name so many pieces that what it took over cannot be recovered; and how many."""
     by_copies: tuple[CopiesOf, ...] = ()
     """What spaces of each number of copies ask for and lack, the lowest number first."""
 
@@ -183,7 +185,8 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         return None
     owned, owed, repair, shortages, rotten = found["owned"], found["owed"], found["repair"], found["shortages"], found["rotten"]
     full, lost, by_copies = found.get("full", ()), found.get("lost", ()), found.get("by_copies", ())
-    if max(map(len, (owed["nodes"], shortages, found["forbidden"]["nodes"], full, lost, by_copies))) > LISTED_MAX:
+    named_most = found["unrecovered"].get("named_most", ())
+    if max(map(len, (owed["nodes"], shortages, found["forbidden"]["nodes"], full, lost, by_copies, named_most))) > LISTED_MAX:
         raise ValueError("more than a report names")
     return CopiesReport(
         owned=told_count(owned["records"]),
@@ -206,6 +209,7 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         shortages=tuple(map(_shortage, shortages)),
         full=tuple(map(told_address, full)),
         lost=tuple(map(_loss, lost)),
+        named_most=tuple((told_address(named["address"]), told_count(named["pieces"])) for named in named_most),
         by_copies=tuple(map(_of, by_copies)) if "by_copies" in found else (_of_all(found),),
         repair=RepairReport(
             told_count(repair["segments"]),

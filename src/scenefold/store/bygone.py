@@ -34,7 +34,7 @@ class Bygone:
     """Of one open store. Used from the Trio thread only."""
 
     def __init__(self, now: Callable[[], float]) -> None:
-        """`now`: seconds on this node's clock."""
+        """`now`: seconds of the clock by which connections end. Like these it may stand still while a machine sleeps."""
         self._now = now
         self._marks: dict[_Name, _Mark] = {}
         """The one that was marked last stands last."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from typing import NamedTuple, Protocol, Self, TypeVar
 
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
@@ -14,6 +14,15 @@ from scenefold.world.ports import ReadTransaction, WriteTransaction
 R_co = TypeVar("R_co", covariant=True)
 
 
+class ReserveLeft(NamedTuple):
+    """What of the reserve others may have than those who make room, or let others go on. Below zero: so much of theirs is gone."""
+
+    for_deletions: int
+    """Bytes for what takes the place of something, and is larger: as deletions may be."""
+    for_holding: int
+    """Bytes for copies that are held for others. Fewer, so that these never leave a deletion without."""
+
+
 class Change(Protocol[R_co]):
     """`size_bytes`: about what it writes."""
 
@@ -22,8 +31,8 @@ class Change(Protocol[R_co]):
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> R_co: ...
 
-    def in_reserve(self, grown_bytes: int, /) -> Change[R_co]:
-        """What of it is done where only the reserve is left. `grown_bytes`: what may grow nevertheless, up to this size."""
+    def in_reserve(self, left: ReserveLeft, /) -> Change[R_co]:
+        """What of it is done where only the reserve is left: itself, if all of it is."""
         ...
 
     def when_full(self, transaction: ReadTransaction, /) -> R_co:
@@ -36,7 +45,7 @@ class MayUseReserve:
 
     __slots__ = ()
 
-    def in_reserve(self, _grown_bytes: int, /) -> Self:
+    def in_reserve(self, _left: ReserveLeft, /) -> Self:
         return self
 
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Self
 
 from scenefold.base.errors import DamagedData
 from scenefold.base.ids import NodeId
 from scenefold.base.location import Arc, Location
 from scenefold.crypto import PLACED_BY_NODE, Record, RecordHeader, RecordPlace, object_of, wanted_place
-from scenefold.store.changes import MayUseReserve, storage_full
+from scenefold.store.changes import MayUseReserve, ReserveLeft, storage_full
 from scenefold.store.holding import read_arc
 from scenefold.store.husks import keep_husk
 from scenefold.store.judging import Outcome, Put, PutResult, judge, judge_copy
@@ -30,6 +31,8 @@ _FRAMING_BYTES = 512
 """Header, signature, key and the tree's own bytes of one record."""
 _DEBT_BYTES = 96
 """Key, version and some nodes."""
+DELETION_BYTES_MAX = 4096
+"""No deletion's record is larger: its payload has 2 KiB at most."""
 
 
 Judge = Callable[[Record, RecordHeader | None, memoryview | None], PutResult]
@@ -50,8 +53,8 @@ class PutRecords:
     def size_bytes(self) -> int:
         return _size_of(self.puts)
 
-    def in_reserve(self, grown_bytes: int, /) -> PutRecords:
-        return replace(self, grown_bytes=grown_bytes)
+    def in_reserve(self, left: ReserveLeft, /) -> PutRecords:
+        return replace(self, grown_bytes=DELETION_BYTES_MAX if left.for_deletions > 0 else 0)
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
@@ -84,6 +87,25 @@ class MergeRecords(MayUseReserve):
 
     def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
+
+
+@dataclass(frozen=True, slots=True)
+class HoldRecords(MergeRecords):
+    """Copies that are held for another owner. They leave some of the reserve to those who make room here.
+
+    `is_sparing`: there is no more of it for them. A record may only take the place of one as large.
+    """
+
+    is_sparing: bool = False
+
+    def in_reserve(self, left: ReserveLeft, /) -> Self:
+        return self if self.size_bytes <= left.for_holding else replace(self, is_sparing=True)
+
+    def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
+        arc = read_arc(transaction)
+        if not self.is_sparing:
+            return [_merge(transaction, tally, arc, header, put) for header, put in self.puts]
+        return [_merge_sparingly(transaction, tally, arc, header, put) for header, put in self.puts]
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +232,18 @@ def _merge(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Re
     if put.is_husk:
         return keep_husk(transaction, tally, arc, put)
     return _write(transaction, tally, _judge_for_node, put, _place(transaction, arc, new, put.at))
+
+
+def _merge_sparingly(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
+    value = transaction.get(RECORDS, record_key(*_lying(transaction, new)))
+    if value is None:
+        return PutResult(Outcome.FULL)
+    if not put.is_husk and len(pack_record(put.record)) > len(value):
+        present = _present(value)
+        result = _judge_for_node(put.record, present, value)
+        is_to_be_written = result.outcome is Outcome.STORED and _is_to_be_written(new, present, value)
+        return PutResult(Outcome.FULL) if is_to_be_written else result
+    return _merge(transaction, tally, arc, new, put)
 
 
 def _lying(transaction: ReadTransaction, new: RecordHeader) -> Spot:

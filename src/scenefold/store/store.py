@@ -37,7 +37,7 @@ from scenefold.store.noticing import Noticed
 from scenefold.store.opened import in_view
 from scenefold.store.owing import OwingStore
 from scenefold.store.reading import RangeAnswer
-from scenefold.store.record_changes import DiscardDamaged, MergeRecords, PutRecords, RemoveRecords, SlideObjects
+from scenefold.store.record_changes import DiscardDamaged, HoldRecords, MergeRecords, PutRecords, RemoveRecords, SlideObjects
 from scenefold.store.sealing import SealedEnvironment
 from scenefold.store.statistics import Counts, StoreStatistics, read_counts, room_beside
 from scenefold.store.suspects import SuspectStore
@@ -59,7 +59,7 @@ class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, EndingStore, S
         self.identity = identity
         self.opened_as = identity.incarnation
         self.noticed = Noticed(world.clock)
-        self.bygone = Bygone(world.clock.now)
+        self.bygone = Bygone(trio.current_time)
 
     @property
     def damaged(self) -> int:
@@ -90,6 +90,10 @@ class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, EndingStore, S
         A node-managed record needs its `at`. It may use the reserve. STALE is no failure: something newer is here.
         """
         return await self._keep(MergeRecords, _owed(puts, debtors))
+
+    async def hold(self, puts: Sequence[Put]) -> list[PutResult]:
+        """As `merge`, for copies that this node holds for another: FULL once they would take of the reserve what deletions need."""
+        return await self._keep(HoldRecords, puts)
 
     async def _keep(self, change: type[PutRecords | MergeRecords], puts: Sequence[Put]) -> list[PutResult]:
         late = self.bygone.late(puts)

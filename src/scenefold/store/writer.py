@@ -19,7 +19,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.store.changes import Change, MayUseReserve
+from scenefold.store.changes import Change, MayUseReserve, ReserveLeft
 from scenefold.store.layout import SpaceAddress
 from scenefold.store.preallocation import ahead_of
 from scenefold.store.sealing import StoreDamaged
@@ -33,8 +33,6 @@ RIDE_S = 1.0
 """What rides along waits so long for somebody to go with."""
 RIDERS_MAX = 256
 """Beyond that they go by themselves: their changes share the commit, and each may name some hundred records."""
-DELETION_BYTES_MAX = 4096
-"""No deletion's record is larger: its payload has 2 KiB at most."""
 
 _log = logging.getLogger("scenefold.store")
 
@@ -214,16 +212,15 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
     """Apply changes in one synced transaction (in the writing thread). What has no room is looked at, answered, not raised."""
     space = environment.space()
     room_bytes = room_beside(space, reserve_bytes)
-    # The other half of what a store takes ahead is for who makes room, or lets others go on.
-    is_half_left = 2 * (room_bytes + reserve_bytes) > ahead_of(space.used, reserve_bytes)
-    grown_bytes = DELETION_BYTES_MAX if is_half_left else 0
+    ahead_bytes = ahead_of(space.used, reserve_bytes)
     admitted: list[Change[Any]] = []
     for change in changes:
-        if isinstance(change, MayUseReserve) or change.size_bytes <= room_bytes:
-            room_bytes -= change.size_bytes
-            admitted.append(change)
+        if change.size_bytes > room_bytes:
+            admitted.append(change.in_reserve(_left_of(room_bytes + reserve_bytes, ahead_bytes)))
         else:
-            admitted.append(change.in_reserve(grown_bytes))
+            admitted.append(change)
+        if admitted[-1] is change:
+            room_bytes -= change.size_bytes
     refused = sum(sparing is not change for sparing, change in zip(admitted, changes, strict=True))
 
     def apply(transaction: WriteTransaction) -> Committed:
@@ -237,6 +234,11 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
     except DiskFull:
         with environment.read() as view:
             return Committed([_full(change, view) for change in changes], {}, {}, len(changes))
+
+
+def _left_of(free_bytes: int, ahead_bytes: int) -> ReserveLeft:
+    """Half of what a store takes ahead is for who makes room, or lets others go on; the quarter above that for deletions beside these."""
+    return ReserveLeft(free_bytes - ahead_bytes // 2, free_bytes - 3 * ahead_bytes // 4)
 
 
 def _full(change: Change[Any], view: ReadTransaction) -> Any:

@@ -154,12 +154,16 @@ def test_founders_that_never_came_are_told_of_and_not_counted_as_if_there_were_n
     assert "writes are refused in spaces that need more than 1" in few.text, "whatever the others need"
 
 
+NAMED = [{"address": "127.0.0.9", "pieces": 8192}]
+
+
 @pytest.mark.parametrize(
     ("change", "kind", "word"),
     [
         ({"owed": {"records": 9, "records_to_silent": 4, "nodes": [{"address": ADDRESSES[2], "records": 4, "alive": False}]}}, "owed", ADDRESSES[2]),
         ({"forbidden": {"segments": 1, "records": 5, "nodes": ["127.0.0.9"]}}, "forbidden", "127.0.0.9"),
         ({"unrecovered": {"pieces": 1, "share": 0.25}}, "unrecovered", "25.0%"),
+        ({"unrecovered": {"pieces": 1, "share": 0.25, "named_most": NAMED}}, "unrecovered", "most of them by 127.0.0.9 (8,192)"),
         ({"shortages": [{"copies": 3, "needed": 2, "possible": 1, "blacklist_of": None}]}, "too few nodes", "refused in spaces that need more than 1"),
         ({"shortages": [{"copies": 3, "needed": 2, "possible": 2, "blacklist_of": "127.0.0.2"}]}, "too few nodes", "blacklist of 127.0.0.2"),
     ],
@@ -168,6 +172,11 @@ def test_what_may_lose_something_degrades(change: dict[str, Any], kind: str, wor
     found = health(*nodes(copies(**change)))
     assert (found.condition, found.seconds_to_health, found.ailments[0].kind) == (Condition.DEGRADED, None, kind)
     assert word in found.ailments[0].text and found.ailments[0].to_do
+
+
+def test_nobody_is_told_to_wait_for_a_node_that_names_more_than_there_can_be() -> None:
+    (ailment,) = health(*nodes(copies(unrecovered={"pieces": 1, "share": 0.25, "named_most": NAMED}))).ailments
+    assert not ailment.mends_itself and "cluster revoke" in ailment.to_do
 
 
 FEW = {
@@ -378,6 +387,7 @@ def test_a_node_that_says_nothing_of_copies_degrades() -> None:
         {"owed": {"records": 1, "records_to_silent": 1, "nodes": [{"address": "127.0.0.9", "records": 1, "alive": False}] * 65}},
         {"repair": None},
         {"unrecovered": {"pieces": 1, "share": float("inf")}},
+        {"unrecovered": {"pieces": 1, "share": 0.5, "named_most": [{"address": "127.0.0.9", "pieces": 1}] * 65}},
     ],
 )
 def test_nonsense_of_a_node_is_no_report(nonsense: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -124,6 +125,28 @@ def test_marks_are_forgotten_only_when_they_are_old_and_others_need_room(monkeyp
     assert marks.mark([(spot(3), versions[3])])
     assert marks.late([put(number) for number in range(4)]).keys() == {0, 2, 3}
     assert not marks.mark([(spot(number), versions[number]) for number in (4, 5)])
+
+
+class Sleeper:
+    """The clock of a machine that sleeps for an hour whenever somebody looks. The time that connections go by stands still meanwhile."""
+
+    at = 0.0
+
+    def now(self) -> float:
+        self.at += 3600.0
+        return self.at
+
+    async def sleep(self, seconds: float) -> None:
+        await trio.sleep(seconds)
+
+
+async def test_a_machine_that_sleeps_forgets_no_mark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was on its way when it fell asleep comes when it wakes."""
+    monkeypatch.setattr(bygone, "BYGONE_MAX", 1)
+    async with whole_store(replace(world(), clock=Sleeper()), tmp_path) as store:
+        assert store.bygone.mark([(spot(1), version_key(record(1, seq=2).header))])
+        assert not store.bygone.mark([(spot(2), version_key(record(2, seq=2).header))])
+        assert [result.outcome for result in await store.put([put(1)])] == [Outcome.STALE]
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(1, 4)), max_size=12), st.integers(0, 3), st.integers(1, 4))

@@ -12,14 +12,16 @@ import pytest
 import trio
 
 from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.limits import STORE_RESERVE_BYTES
 from scenefold.base.reasons import RejectReason
 from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, tombstone
 from scenefold.crypto import EXPECTS_NOTHING, Record
 from scenefold.store import LmdbDisk, Outcome, Put, open_store
-from scenefold.store.layout import RECORDS, pack_record, record_key
+from scenefold.store.layout import RECORDS, TABLES, pack_record, record_key
 from scenefold.store.preallocation import AHEAD_BYTES_MIN
+from scenefold.store.record_changes import DELETION_BYTES_MAX, HoldRecords
 from scenefold.store.statistics import capacity_of
-from scenefold.store.writer import DELETION_BYTES_MAX
+from scenefold.store.writer import commit
 from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
 from unit.store.samples import NODE, NOWHERE, SCENE, arc, managed, place, put, record, whole_store, world
 from unit.store.test_damage import rot
@@ -235,6 +237,43 @@ async def test_a_deletion_may_be_larger_than_what_it_deletes_while_half_of_what_
     for disk.left_bytes, wanted in [(AHEAD_BYTES_MIN // 2, "FULL"), (AHEAD_BYTES_MIN // 2 + 1, "STORED")]:
         async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
             assert [result.outcome.name for result in await store.put([smaller, larger, put(3)])] == [wanted, "FULL", "FULL"]
+
+
+HOLDING_ENDS = 3 * AHEAD_BYTES_MIN // 4
+"""With so much left nothing new is held for others any more, and deletions still have a quarter for themselves."""
+
+
+def held_bytes(copy: Put) -> int:
+    return HoldRecords([(copy.record.header, copy)]).size_bytes
+
+
+@pytest.mark.expect_log("full but for its reserve")
+async def test_copies_for_others_leave_deletions_what_they_need(tmp_path: Path) -> None:
+    """Else a node that is full could not even delete any more, since it held so much for others; and nothing else makes room."""
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1, size=20), put(2, seq=2, size=6_000)])
+    disk, new = NearlyFull(), put(9, size=60_000)
+    disk.left_bytes = HOLDING_ENDS + held_bytes(new)
+    async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+        assert [result.outcome.name for result in await store.hold([new])] == ["STORED"]
+    disk.left_bytes = HOLDING_ENDS
+    async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+        copies = [put(3), new, put(9, seq=2, size=60_001), put(2, size=7_000), put(2, seq=3, size=6_000), put(2, seq=4)]
+        wanted = ["FULL", "STORED", "FULL", "STALE", "STORED", "STORED"]
+        assert [result.outcome.name for result in await store.hold(copies)] == wanted
+        assert await store.get_many([place(3), place(9), place(2)]) == [None, new.record, copies[-1].record]
+        assert [result.outcome.name for result in await store.put([put(1, seq=2, size=2_100)])] == ["STORED"], "a deletion"
+        assert [result.outcome.name for result in await store.merge([put(3)])] == ["STORED"], "of its own arc"
+
+
+def test_copies_for_others_that_share_a_commit_do_not_take_more_together(tmp_path: Path) -> None:
+    disk, copies = NearlyFull(), [put(number, size=60_000) for number in range(5)]
+    disk.left_bytes = HOLDING_ENDS + 5 * held_bytes(copies[0]) // 2
+    environment = disk.open(tmp_path, TABLES)
+    changes = [HoldRecords([(copy.record.header, copy)]) for copy in copies]
+    answers = commit(environment, changes, STORE_RESERVE_BYTES).answers
+    assert [result.outcome.name for (result,) in answers] == ["STORED"] * 2 + ["FULL"] * 3
+    environment.close()
 
 
 def test_a_deletion_fits_where_deletions_may_be_larger_than_what_they_delete() -> None:

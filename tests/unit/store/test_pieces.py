@@ -70,6 +70,7 @@ async def test_copies_are_merged_by_version_wherever_they_lie(tmp_path: Path) ->
 
 
 async def test_copies_may_use_the_reserve(tmp_path: Path) -> None:
+    """What this node takes for its own arc: who adopts a gap must get on. What it holds for others may not use all (test_full_disk.py)."""
     async with whole_store(world(), tmp_path, reserve_bytes=1 << 60) as store:
         [result] = await store.merge([put(1)])
         assert result.outcome is Outcome.STORED

@@ -14,16 +14,19 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, address_of
 from scenefold.base.location import Arc
+from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace
 from scenefold.peer.copies.numbers import is_possible
 from scenefold.peer.copies.telling import passing_of
 from scenefold.peer.handlers import Handlers, Senders, node_of
+from scenefold.peer.line import likeness
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.holding import Handover, Holding, Step, describe
 from scenefold.peer.line.parts import Parts, check_reply
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.line.rules import side_of_giver
+from scenefold.peer.line.unsettled import Doubt
 from scenefold.peer.records.verification import KnownScene, epochs_of, verify_copies, verify_copies_and_husks
 from scenefold.store import Outcome, Put, Spot, Store
 from scenefold.wire import (
@@ -172,12 +175,27 @@ class Receiving:
         if not is_possible(packet.number, self._parts.cluster_log.registry.position):
             raise Refused(RejectReason.ILL_FORMED, "no owner can have come to such a number of configurations")
         piece = Arc(packet.first, packet.last)
+        unlike: set[Layout] = set()
         if handover.step is Step.NOTED:
             # What settles begins to settle before anybody can be told that it is here, and once more when it is.
             self._parts.settling.note(piece)
             # Copying takes its time, and who gave it to another meanwhile may not say so.
             await self._parts.claims.look(piece, self._parts.keeper.holding.arc, giver=handover.peer.node)
-        await self._parts.keeper.change(lambda holding: holding.claim(packet.handover, piece), passing_of(packet))
+            unlike = await likeness.unlike(self._parts, handover.peer.node, piece)
+        was_noted = False
+
+        def claim(holding: Holding) -> Holding:
+            nonlocal was_noted
+            found = holding.find(packet.handover)
+            was_noted = found is not None and found[1].step is Step.NOTED
+            return holding.claim(packet.handover, piece)
+
+        await self._parts.keeper.change(claim, passing_of(packet))
+        if was_noted and unlike:
+            # Nothing was awaited since the commit: nobody can have been told anything there yet.
+            for layout in sorted(unlike):
+                self._parts.unsettled.doubt(Doubt(layout, piece, rules=2))
+            self._parts.events["unlike"] += 1
         self._touch(packet.handover)
         if handover.step is Step.NOTED:
             self._parts.settling.note(piece)

@@ -42,13 +42,16 @@ class Health:
         healing: Healing,
         left: Callable[[], Left],
         lost: Callable[[], list[dict[str, Any]]] = list,
+        crowding: Callable[[], Mapping[NodeId, int]] = dict,
     ) -> None:
+        """`crowding`: who names so many pieces that a gap cannot be recovered."""
         self._parts = parts
         self._roster = roster
         self._placing = placing
         self._healing = healing
         self._left = left
         self._lost = lost
+        self._crowding = crowding
         self._counted: dict[str, Counter[Layout]] = {}
         self._counted_for: tuple[object, ...] = ()
         self._counted_at = float("-inf")
@@ -92,6 +95,7 @@ class Health:
             "unrecovered": {
                 "pieces": len(copies.unrecovered),
                 "share": sum(gap.length for gap in copies.unrecovered) / LINE_LENGTH,
+                "named_most": [{"address": address_of(node), "pieces": count} for node, count in self._most_named()],
             },
             "shortages": [
                 {
@@ -111,6 +115,9 @@ class Health:
                 "whole": sum(entry.whole for entry in copies.custody.entries),
             },
         }
+
+    def _most_named(self) -> list[tuple[NodeId, int]]:
+        return sorted(self._crowding().items(), key=lambda one: (-one[1], one[0]))[:LISTED_MAX]
 
     def _is_there(self, member: Member) -> bool:
         return self._roster.is_believed_alive(member.node) and not self._parts.keeper.is_removed(member)

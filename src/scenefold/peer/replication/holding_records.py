@@ -84,7 +84,7 @@ class HoldingRecords:
             else:
                 # The owner decides what lies here: where this node knows less, that is what it says.
                 puts.append((index, replace(_at_home(verdict, items[index]), over_wreck=True)))
-        results = await self._parts.store.merge([put for _, put in puts]) if puts else []
+        results = await self._parts.store.hold([put for _, put in puts]) if puts else []
         for (index, _), result in zip(puts, results, strict=True):
             if result.outcome in (Outcome.STORED, Outcome.STALE):
                 problems[index] = self._refused(owner, items[index], layouts[index])

@@ -9,6 +9,7 @@ from collections.abc import Collection, Sequence
 
 import trio
 
+from scenefold.base.cover import without
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Arc
 from scenefold.base.placement import Layout
@@ -152,15 +153,32 @@ class Judging:
         return {layout for known in scenes for space, layout in known.layouts.items() if layout or space in known.turns}
 
     def doubt_unsafe(self) -> None:
-        """Likewise, after a start, where rule 2 may not hold for what is there."""
+        """Likewise, after a start: where no configuration was made since the place is this owner's, what lies here may lie nowhere else.
+
+        Elsewhere only as long as rule 2 may not hold for what is there.
+        """
+        known: dict[Layout, list[Segment]] = {layout: [] for layout in self._layouts() if layout}
         for segment in self._parts.keeper.copies.configurations.segments:
-            rule = self.rule_of(segment)
-            if not rule.is_safe({rule.me, *rule.sound}):
-                self._unsettled.doubt(Doubt(segment.layout, segment.arc, rules=1))
+            known.setdefault(segment.layout, []).append(segment)
+        for layout, segments in sorted(known.items()):
+            for part in _apart(self._parts.keeper.holding.arc, [segment.arc for segment in segments if self._is_made(segment)]):
+                self._unsettled.doubt(Doubt(layout, part, rules=2))
+            for segment in segments:
+                rule = self.rule_of(segment)
+                if not rule.is_safe({rule.me, *rule.sound}):
+                    self._unsettled.doubt(Doubt(layout, segment.arc, rules=1))
         # What is owed to those who held it before may have been forgotten.
         for layout, arc in self.turning.bound():
             self._unsettled.doubt(Doubt(layout, arc, rules=1))
         self._doubted = self._layouts()
+
+    def _is_made(self, segment: Segment) -> bool:
+        """Whether enough have all that lay there when the place became this owner's."""
+        active = segment.active(self._parts.keeper.copies.configurations.me)
+        if active is None:
+            return False
+        # One of before it was another's counts as active again when its holders are compared, or all gone.
+        return active.number >= segment.leaving or 1 + len(segment.sound.intersection(active.members)) >= active.needed
 
     async def _judge_all(self) -> None:
         """What is written, or what changes, while this goes on is judged by what is known then: that it has changed begins this anew."""
@@ -268,6 +286,14 @@ class Judging:
         if rule is None or not rule.is_placed:
             return Due.LATER
         return Due.PAY if lane.node in rule.debtors else Due.FORGET
+
+
+def _apart(arc: Arc | None, taken: Sequence[Arc]) -> list[Arc]:
+    """An arc without others, which are in order."""
+    left = [] if arc is None else [arc]
+    for other in taken:
+        left += without(left.pop(), other) if left else []
+    return left
 
 
 def _have(pending: Pending, rule: Rule) -> set[Member]:

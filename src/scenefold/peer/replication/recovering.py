@@ -13,13 +13,15 @@ import trio
 
 from scenefold.base.cover import without
 from scenefold.base.errors import Refused
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.location import Arc, Location
+from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.losses import Loss
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.replication.placing_wishes import needed_of
 from scenefold.peer.replication.recovering_gap import Asking
+from scenefold.wire import Member
 
 LOOK_UPS_MAX = 8
 """Places that are looked up at one time, each at every node."""
@@ -44,6 +46,8 @@ class Recovering:
         """Gaps of before the start: what was held there nobody remembers."""
         self._looked_up: dict[Location, None] = {}
         self._slots = trio.CapacityLimiter(LOOK_UPS_MAX)
+        self._crowding: dict[Arc, list[tuple[Member, int]]] = {}
+        """Of gaps in which more pieces are named than can be kept."""
 
     # ------------------------------------------------------------------------------------------------- questions
 
@@ -51,6 +55,15 @@ class Recovering:
     def is_quiet(self) -> bool:
         """Whether nothing is to be recovered."""
         return not self._parts.keeper.copies.unrecovered
+
+    @property
+    def crowding(self) -> dict[NodeId, int]:
+        """Who has named the most pieces, where that many are named in a gap that it cannot be recovered; and how many."""
+        found: dict[NodeId, int] = {}
+        for named in self._crowding.values():
+            for member, count in named:
+                found[member.node] = max(count, found.get(member.node, 0))
+        return found
 
     def is_known(self, location: Location) -> bool:
         """Whether all that was acknowledged at a place of the arc is here, as far as registered nodes have it."""
@@ -102,6 +115,7 @@ class Recovering:
                 await pauses.wait()
         finally:
             del self._askings[gap]
+            self._crowding.pop(gap, None)
 
     async def _try(self, gap: Arc) -> bool:
         asking = self._askings[gap] = Asking(self._parts, gap)
@@ -116,9 +130,10 @@ class Recovering:
             await self._note(losses)
             await self._parts.keeper.change_copies(lambda copies, _: asking.roll.recover(copies))
         except Refused as problem:
-            # The disk is full, or this life is ending.
+            # The disk is full, this life is ending, or somebody says that he holds more than all can: what is true of it nobody knows.
+            self._crowding[gap] = asking.roll.loudest() if problem.reason is RejectReason.LIMIT_EXCEEDED else []
             self._parts.events["not recovered"] += 1
-            _log.warning("what was learnt of an adopted arc cannot be kept: %s", problem)
+            _log.warning("what was learnt of an adopted arc cannot be kept: %s%s", problem, _who(self._crowding[gap]))
             return False
         finally:
             # Known are these places now by the note, or by nobody any more.
@@ -145,6 +160,11 @@ def _in_words(loss: Loss) -> str:
     left = "one complete copy or more is left, and what was acknowledged last may be lost" if loss.is_left else "no complete copy is left"
     names = ", ".join(address_of(member.node) for member in loss.removed)
     return f"on {loss.share:.2%} of the line, in spaces with {loss.copies} copies, {left} (removed: {names})"
+
+
+def _who(named: Sequence[tuple[Member, int]]) -> str:
+    told = ", ".join(f"{address_of(member.node)} ({count})" for member, count in named)
+    return f"; most pieces were named by {told}: one that cannot hold so many is lying, and may be revoked" if told else ""
 
 
 def _apart(gaps: Sequence[Arc], taken: Iterable[Arc]) -> list[Arc]:

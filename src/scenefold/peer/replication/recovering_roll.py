@@ -24,6 +24,10 @@ HUSKS_MAX = 16_384
 """Remembered until all were heard. Where more has rotted, what is beyond is as lost as if its disk were."""
 
 
+LOUDEST = 3
+"""Nodes that are told to people where there are more pieces than can be kept."""
+
+
 class Roll:
     """Of one asking about one gap; a restart begins another one."""
 
@@ -52,6 +56,13 @@ class Roll:
     def lose(self, member: Member) -> None:
         """The log has removed a node, and T_wait has passed since this node learnt that. What it has said before counts."""
         self._lost.add(member)
+
+    def loudest(self) -> list[tuple[Member, int]]:
+        """Who has named the most pieces that are held, and how many."""
+        counts = sorted(
+            ((member, len(entries)) for member, entries in self._heard.items() if entries), key=lambda one: (-one[1], one[0].node)
+        )
+        return counts[:LOUDEST]
 
     def note_husk(self, husk: Put) -> None:
         """This is left somewhere of a version that has rotted. Of one record the newest counts."""

@@ -47,8 +47,10 @@ class Replication:
         self._activating = Activating(parts)
         self.healing = Healing(parts, partial(self.spreading.merge, wait=False))
         self.noting = Noting(parts, may_order=may_order)
-        self.health = Health(parts, roster, self.placing, self.healing, lambda: self.comparing.left, self.noting.documents)
         self.recovering = Recovering(parts, self.noting.note)
+        self.health = Health(
+            parts, roster, self.placing, self.healing, lambda: self.comparing.left, self.noting.documents, lambda: self.recovering.crowding
+        )
         self.recovering.doubt = self.spreading.doubt
         # Who holds it, and is to hold it, answers for it no more until it is placed.
         self.recovering.known = self.placing.look_soon

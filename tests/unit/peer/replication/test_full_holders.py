@@ -82,7 +82,7 @@ def test_it_is_asked_again_once_it_says_that_it_has_room_and_some_time_has_passe
     assert full.among([A]) == frozenset()
 
 
-async def no_room(puts: Sequence[Put], _debtors: Sequence[Sequence[NodeId]] = ()) -> list[PutResult]:
+async def no_room(puts: Sequence[Put]) -> list[PutResult]:
     return [PutResult(Outcome.FULL)] * len(puts)
 
 
@@ -95,14 +95,14 @@ def test_a_full_disk_does_not_hold_up_the_change_of_a_segment(monkeypatch: pytes
         left = [home for home in terrace.homes if home not in (first, former, other)]
         with monkeypatch.context() as patches:
             for home in left:
-                patches.setattr(home.store, "merge", no_room)
+                patches.setattr(home.store, "hold", no_room)
             assert first.own is not None
             first.own.blacklist = Blacklist(1, (AddressPrefix(former.node, ADDRESS_BITS),))
             full = first.replication.placing.full
             await until(lambda: bool(full.among([home.member for home in left])))
         noted = full.among([home.member for home in left])
         (late,) = [home for home in left if home.member in noted]
-        monkeypatch.setattr(late.store, "merge", no_room)
+        monkeypatch.setattr(late.store, "hold", no_room)
         document = await first.replication.health.document()
         assert document["full"] == [late.address]
         await until(lambda: late not in holders_of(terrace, first, mine[0]) and is_settled(first))

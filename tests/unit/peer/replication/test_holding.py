@@ -161,14 +161,14 @@ def test_an_answer_is_no_promise_if_custody_ended_while_the_record_was_written()
     async def story(terrace: Terrace) -> None:
         owner, holder, _ = await entrust(terrace)
         spot = some_places(owner, 1)[0]
-        merge, keeper = holder.store.merge, holder.living.parts.keeper
+        hold, keeper = holder.store.hold, holder.living.parts.keeper
 
         async def slow(puts: list[Put]) -> object:
-            results = await merge(puts)
+            results = await hold(puts)
             await keeper.change_copies(lambda copies, _: replace(copies, custody=Custody()))
             return results
 
-        holder.store.merge = slow
+        holder.store.hold = slow
         assert await send(owner, holder, record_at(spot)) == (NOT_MINE,)
 
     play(story)
