@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from scenefold.base.ids import SceneId, SpaceId
 from scenefold.base.location import Arc
 from scenefold.store.changes import RestartDigests
-from scenefold.store.digest_sums import Listing, read_listing, read_sums
+from scenefold.store.digest_sums import Listing, read_listing, read_spaces, read_sums
 from scenefold.store.digest_tree import TreeDamaged
 from scenefold.store.held import HeldPage, read_held
 from scenefold.store.layout import SpaceAddress, Spot
@@ -27,6 +27,10 @@ class ComparingStore(OpenedStore):
     async def spaces(self) -> list[SpaceAddress]:
         """Where there are records as of the last commit, in order."""
         return sorted(space for space, counts in self._writer.counts.items() if counts.records)
+
+    async def spaces_in(self, arc: Arc) -> list[SpaceAddress]:
+        """Likewise, where there are records with their homes in the arc. Some us a space."""
+        return await self._view(read_spaces, await self.spaces(), arc)
 
     async def sums(self, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]) -> list[RangeSum]:
         """How many records have their homes in each arc, and the sum of their versions. Some ms an arc, without a walk over it.

@@ -101,6 +101,11 @@ def _before(location: Location) -> bytes:
     return Location.from_number(location.number - 1) if location.number else b""
 
 
+def read_spaces(transaction: ReadTransaction, spaces: Sequence[SpaceAddress], arc: Arc) -> list[SpaceAddress]:
+    """Those of the spaces that have a record with its home in the arc."""
+    return [space for space in spaces if next(by_home(transaction, space, _before(arc.first), arc.last), None) is not None]
+
+
 def read_listing(transaction: ReadTransaction, space: SpaceAddress, arc: Arc, limit: int) -> Listing:
     """The first `limit` >= 2 records with their homes in the arc, and which versions they are; of one home all or none."""
     records: list[Held] = []

@@ -91,21 +91,25 @@ class MergeRecords(MayUseReserve):
 
 @dataclass(frozen=True, slots=True)
 class HoldRecords(MergeRecords):
-    """Copies that are held for another owner. They leave some of the reserve to those who make room here.
+    """Copies that are held for another owner. They leave some of the reserve to those who make room, here and there.
 
-    `is_sparing`: there is no more of it for them. A record may only take the place of one as large.
+    `is_sparing`: there is no more of it for them. A record may only take the place of another one, and be no larger than that, or than
+    `grown_bytes`: what its owner could still take is held, too, or no deletion there would ever count.
     """
 
     is_sparing: bool = False
+    grown_bytes: int = 0
 
     def in_reserve(self, left: ReserveLeft, /) -> Self:
-        return self if self.size_bytes <= left.for_holding else replace(self, is_sparing=True)
+        if self.size_bytes <= left.for_holding:
+            return self
+        return replace(self, is_sparing=True, grown_bytes=DELETION_BYTES_MAX if left.for_deletions > 0 else 0)
 
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
         if not self.is_sparing:
             return [_merge(transaction, tally, arc, header, put) for header, put in self.puts]
-        return [_merge_sparingly(transaction, tally, arc, header, put) for header, put in self.puts]
+        return [_merge_sparingly(transaction, tally, arc, header, put, self.grown_bytes) for header, put in self.puts]
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,11 +238,13 @@ def _merge(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: Re
     return _write(transaction, tally, _judge_for_node, put, _place(transaction, arc, new, put.at))
 
 
-def _merge_sparingly(transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put) -> PutResult:
+def _merge_sparingly(
+    transaction: WriteTransaction, tally: Tally, arc: Arc | None, new: RecordHeader, put: Put, grown_bytes: int
+) -> PutResult:
     value = transaction.get(RECORDS, record_key(*_lying(transaction, new)))
     if value is None:
         return PutResult(Outcome.FULL)
-    if not put.is_husk and len(pack_record(put.record)) > len(value):
+    if not put.is_husk and len(pack_record(put.record)) > max(len(value), grown_bytes):
         present = _present(value)
         result = _judge_for_node(put.record, present, value)
         is_to_be_written = result.outcome is Outcome.STORED and _is_to_be_written(new, present, value)

@@ -262,7 +262,8 @@ async def test_copies_for_others_leave_deletions_what_they_need(tmp_path: Path) 
         wanted = ["FULL", "STORED", "FULL", "STALE", "STORED", "STORED"]
         assert [result.outcome.name for result in await store.hold(copies)] == wanted
         assert await store.get_many([place(3), place(9), place(2)]) == [None, new.record, copies[-1].record]
-        assert [result.outcome.name for result in await store.put([put(1, seq=2, size=2_100)])] == ["STORED"], "a deletion"
+        assert [result.outcome.name for result in await store.hold([put(1, seq=2, size=2_100)])] == ["STORED"], "a deletion of the owner's"
+        assert [result.outcome.name for result in await store.put([put(1, seq=3, size=2_200)])] == ["STORED"], "a deletion"
         assert [result.outcome.name for result in await store.merge([put(3)])] == ["STORED"], "of its own arc"
 
 
