@@ -9,6 +9,7 @@ import os
 import signal
 import socket
 import sys
+import time
 import types
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
@@ -215,6 +216,17 @@ def test_an_engine_without_workers(tmp_path: Path) -> None:
         ClusterEngine(address, nothing)
 
 
+def stands_still(process: int, within_s: float = 10.0) -> bool:
+    """Whether all threads of a process stop in time; a signal only asks for that."""
+    until = time.monotonic() + within_s
+    while time.monotonic() < until:
+        threads = Path(f"/proc/{process}/task").glob("*/stat")
+        if all(thread.read_text().rsplit(")", 1)[1].split()[0] == "T" for thread in threads):
+            return True
+        time.sleep(0.01)
+    return False
+
+
 @needs_dask
 def test_a_scheduler_that_stands_still_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from scenefold.render.tasks import engine as doors
@@ -224,6 +236,7 @@ def test_a_scheduler_that_stands_still_is_not_waited_for(tmp_path: Path, monkeyp
         scheduler = reached._client.run_on_scheduler(os.getpid)
         monkeypatch.setattr(doors, "ANSWER_S", 1.0)
         os.kill(scheduler, signal.SIGSTOP)
+        assert stands_still(scheduler)
         try:
             with pytest.raises(Unreachable, match="has gone"):
                 reached._threads()

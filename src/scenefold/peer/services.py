@@ -271,9 +271,12 @@ class PeerServices:
             for service in (context.lease.run, context.enrolment.run, context.probing.run, self._tables.run, *self._background):
                 nursery.start_soon(service)
             nursery.start_soon(self._watch_load)
-            nursery.start_soon(watch_seeds, context.gossip, context.settings.seed_wait_s, self._is_seed)
+            nursery.start_soon(watch_seeds, context.gossip, context.settings.seed_wait_s, self._outlasts_seeds)
             nursery.start_soon(self._join)
             task_status.started()
+
+    def _outlasts_seeds(self) -> bool:
+        return self._is_seed or self.context.cluster_log.registry.is_current(self.context.own.member)
 
     async def _join(self) -> None:
         context = self.context

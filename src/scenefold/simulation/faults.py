@@ -52,6 +52,7 @@ class Kind(Enum):
     CLIENT_RATE = "client's clock rate"
     KILL_IN_RENDER = "kill during render"
     POWER = "power failure"
+    SLEEP = "common sleep"
 
 
 CLIENTS = 4
@@ -190,6 +191,7 @@ KINDS: dict[Kind, Shape] = {
         of_renders=True,
     ),
     Kind.POWER: Shape(0.4, Whom.ALL, (0.5, 20), (0, 10), "seconds over which they start again", is_later=True),
+    Kind.SLEEP: Shape(0.4, Whom.ALL, (0, 0), (20, 40_000), "seconds that all machines sleep", is_later=True),
 }
 
 

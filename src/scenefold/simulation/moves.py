@@ -30,6 +30,10 @@ class Moves:
     _at: dict[Place, float] = field(default_factory=dict)
     count: int = 0
 
+    def slept(self) -> None:
+        """All machines have slept for longer than that: by their clocks all has settled."""
+        self._at.clear()
+
     def handed_over(self, places: Iterable[Place], now_s: float) -> list[Hurry]:
         """These records have a new owner. Those of them that had not settled."""
         hurried = []

@@ -88,6 +88,8 @@ class Storm:
         match fault.kind:
             case Kind.CLOCK_OFFSET:
                 self._set_clocks(fault)
+            case Kind.SLEEP:
+                self._sleep(fault)
             case Kind.KILL_IN_HANDOVER:
                 self._wait_for_handover.append(fault)
             case Kind.REPLAY | Kind.LIAR | Kind.LYING_HOLDER:
@@ -227,6 +229,14 @@ class Storm:
         client = client_name(fault.slots[0] % CLIENTS)
         for name in (self._node(fault).address, client):
             self._net.machine(name).clock.step_wall(fault.amount)
+
+    def _sleep(self, fault: Fault) -> None:
+        """All machines sleep at one moment, and wake at another one."""
+        self._begins(fault)
+        born = [node.address for node in self._cluster.nodes.values() if node.born.is_set()]
+        for name in (*born, *map(client_name, range(CLIENTS))):
+            self._net.machine(name).clock.sleep_through(fault.amount)
+        self._watch.moves.slept()
 
     async def _join(self, fault: Fault) -> None:
         """A spare is started; it may be killed at one of its first commits."""

@@ -31,11 +31,11 @@ class Silence:
         await trio.sleep_forever()
 
 
-async def watched(*met: NodeId, is_seed: bool = False) -> bool:
+async def watched(*met: NodeId, goes_on: bool = False) -> bool:
     """Whether it still tries on long after the time."""
     gossip: Any = Silence(*met)
     with trio.move_on_after(3 * WAIT_S) as scope:
-        await watch_seeds(gossip, WAIT_S, is_seed)
+        await watch_seeds(gossip, WAIT_S, lambda: goes_on)
     return scope.cancelled_caught
 
 
@@ -52,5 +52,5 @@ async def test_whom_nobody_speaks_to_says_so_and_gives_up(autojump_clock: MockCl
 
 
 @pytest.mark.expect_log("no seed answers yet")
-async def test_a_seed_that_is_looked_for_goes_on(autojump_clock: MockClock) -> None:
-    assert await watched(is_seed=True)
+async def test_a_seed_that_is_looked_for_goes_on_and_so_does_a_member(autojump_clock: MockClock) -> None:
+    assert await watched(goes_on=True)

@@ -9,6 +9,7 @@ from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.membership.roster import Roster
+from scenefold.peer.membership.waking import Waking
 from scenefold.peer.timing import T_EVICT_S
 from scenefold.wire import RemoveParticipant
 from scenefold.world import Clock
@@ -27,11 +28,13 @@ class Evicting:
     def __init__(self, clock: Clock, cluster_log: ClusterLog, roster: Roster, me: NodeId) -> None:
         self._clock, self._cluster_log, self._roster, self._me = clock, cluster_log, roster, me
         self._started_at = clock.now()
+        self._waking = Waking(clock)
 
     async def run(self) -> None:
         """Look until cancelled."""
         while True:
             await self._clock.sleep(LOOK_S)
+            self._waking.since()
             for node in self.away():
                 await self._evict(node)
 
@@ -49,7 +52,9 @@ class Evicting:
         return [node for node in others if silent_s[node] > T_EVICT_S + rank * LOOK_S]
 
     def _heard_at(self, node: NodeId) -> float:
-        begun = max(self._started_at, self._cluster_log.learnt_at(self._cluster_log.registry.voting.councils[-1].position))
+        begun = max(
+            self._started_at, self._waking.since(), self._cluster_log.learnt_at(self._cluster_log.registry.voting.councils[-1].position)
+        )
         known = (self._roster.proof_at(node), self._cluster_log.leased_at(node))
         return max(begun, *(at for at in known if at is not None), begun)
 

@@ -28,6 +28,7 @@ from scenefold.peer.membership.removal import Evidence, removal_veto, silence_ne
 from scenefold.peer.membership.roster import Roster
 from scenefold.peer.membership.status import OwnStatus
 from scenefold.peer.membership.suspicion import PROBES_MAX, PROPOSE_LATER_S, PROPOSE_SPREAD_S, Cause, Suspect, Suspicion
+from scenefold.peer.membership.waking import Waking
 from scenefold.peer.peers import Peers
 from scenefold.peer.settings import NodeSettings
 from scenefold.wire import Member, Packet, ProbeFor, ProbeResult, RemoveNode
@@ -104,6 +105,7 @@ class Probing:
         self._requested = 0
         self._requests = Buckets(REQUESTED_BURST, REQUESTED_PER_S)
         self.suspicion = Suspicion(settings.remove_after_s)
+        self._waking = Waking(world.clock)
 
     def register(self, handlers: Handlers) -> None:
         handlers.add(ProbeFor, self._on_probe_for, senders=Senders.NODES)
@@ -116,6 +118,7 @@ class Probing:
             while True:
                 await self._world.clock.sleep(LOOK_S)
                 now = self._world.clock.now()
+                self._waking.since()
                 self.suspicion.review(self._signs_of, now)
                 self._look(now)
                 for suspect in self.suspicion.turn(now):
@@ -224,7 +227,7 @@ class Probing:
         known = self._roster.proof_at(member.node)
         # A founder without an incarnation has no status that could count: that it speaks at all is proof.
         met = self._gossip.met_at(member.node) if member.incarnation == NO_INCARNATION else None
-        return max(value for value in (known, met, float("-inf")) if value is not None)
+        return max(value for value in (known, met, self._waking.since()) if value is not None)
 
     def objection(self, member: Member) -> str | None:
         """What this node, as a voter, knows against a removal, without asking anybody."""

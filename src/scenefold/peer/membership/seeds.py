@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import trio
 
@@ -15,8 +16,11 @@ SEED_WARNING_S_MAX = 5.0
 _log = logging.getLogger("scenefold.peer")
 
 
-async def watch_seeds(gossip: Gossip, wait_s: float, is_seed: bool) -> None:
-    """Say once that nobody answers; give up in the end, unless others of its log do, or have found us, or this node is a seed that they look for."""
+async def watch_seeds(gossip: Gossip, wait_s: float, goes_on: Callable[[], bool]) -> None:
+    """Say once that nobody answers; give up in the end, unless others of its log do, or have found us, or `goes_on`.
+
+    So a seed does, that others look for, and a member: after a power failure it may just be the first one that is up again.
+    """
     warning_s = min(SEED_WARNING_S_MAX, wait_s / 2)
     silent = ", ".join(gossip.seeds)
     with trio.move_on_after(warning_s):
@@ -27,7 +31,7 @@ async def watch_seeds(gossip: Gossip, wait_s: float, is_seed: bool) -> None:
     with trio.move_on_after(wait_s - warning_s):
         await gossip.a_seed_heard()
         return
-    if not is_seed and not gossip.met():
+    if not goes_on() and not gossip.met():
         raise Unreachable(
             f"no seed answered within {wait_s:g} s",
             where=silent,

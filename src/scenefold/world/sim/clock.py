@@ -40,6 +40,12 @@ class SimClock:
         """The wall clock is set; it may jump, `now` may not."""
         self._wall_offset += seconds
 
+    def sleep_through(self, seconds: float) -> None:
+        """The machine has slept so long: `now` went on, and Trio's clock stood still, so here no time passes at all."""
+        assert seconds > 0
+        self._offset += seconds
+        self._wall_offset += seconds
+
     def now(self) -> float:
         return self._offset + (self._virtual_now() - self._since) * self._rate
 
