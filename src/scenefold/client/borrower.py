@@ -92,7 +92,7 @@ class Borrowing:
 
     async def _held(self, access: SceneAccess, needs: Collection[SpaceId], is_held: Callable[[int], bool]) -> None:
         self._access = access
-        until, problems = self._now() + LEND_S_MAX, list[ScenefoldError]()
+        until, problems = trio.current_time() + LEND_S_MAX, list[ScenefoldError]()
         while True:
             identity = access.identity
             self._check_mode(identity, needs, access.name)
@@ -113,7 +113,7 @@ class Borrowing:
                     await access.refresh()
                     access.check_writer()
                     self._check_mode(access.identity, needs, access.name)
-            if self._now() >= until:
+            if trio.current_time() >= until:
                 raise _no_lease(access, problems, self._use)
             await self._calls.world.clock.sleep(PAUSE_S)
 

@@ -15,6 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import trio
+
 from scenefold.base.errors import LocalFault, NotReached, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import CLIENT_AUTHOR_S, CLIENT_LOG_TRIES_MAX
@@ -124,8 +126,8 @@ class LogAccess(LogReading):
         is_new: bool,
         forced: bool,
     ) -> ReadLog:
-        clock, pace = self._calls.world.clock, Pace(self._calls)
-        until = clock.now() + CLIENT_AUTHOR_S
+        pace = Pace(self._calls)
+        until = trio.current_time() + CLIENT_AUTHOR_S
         draft: tuple[ReadLog, Followed] | None = None
         problem: Unreachable | PeerFault | Refused | None = None
         first: NodeId | None = None
@@ -150,7 +152,7 @@ class LogAccess(LogReading):
                 problem = None
             if draft is None:
                 check_told_of(before.state, request, self._name)
-            is_late = bool(before.header.participants) and clock.now() >= until
+            is_late = bool(before.header.participants) and trio.current_time() >= until
             if attempt == CLIENT_LOG_TRIES_MAX or is_late:
                 break
             draft = await self._drafted(draft, before, entry_of, request.id, author)
@@ -216,8 +218,8 @@ class LogAccess(LogReading):
         `offered_at`: the highest position that it was proposed for; 0 if that is not known, and then "never" cannot be told. Refused or
         Unreachable if those who decide cannot tell.
         """
-        patience, doubt, clock = Patience(), self._doubt("nothing", lambda _: ""), self._calls.world.clock
-        until = clock.now() + CLIENT_AUTHOR_S
+        patience, doubt = Patience(), self._doubt("nothing", lambda _: "")
+        until = trio.current_time() + CLIENT_AUTHOR_S
         first: NodeId | None = None
         for attempt in itertools.count():
             read = await self.newest(first=first)
@@ -234,7 +236,7 @@ class LogAccess(LogReading):
                 return Standing(None, False, known)
             reason, first = (RejectReason.BUSY if outcome.reason in _TOO_LATE else outcome.reason), outcome.by
             problem = self._refusal(outcome._replace(reason=reason), read.header, is_question=True)
-            if not patience.bears(problem) or clock.now() >= until:
+            if not patience.bears(problem) or trio.current_time() >= until:
                 raise problem
             await self._calls.pause(patience)
         raise AssertionError("whoever asks loses patience")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import trio
+from trio.testing import MockClock
 
+from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.enrolment.enrolling import Enrolling
 from scenefold.wire import Fault, FrameReader, Packet, decode_packet
@@ -53,3 +55,34 @@ async def test_a_request_over_which_a_node_fails_is_answered_and_ends_it_not() -
 async def test_what_is_none_of_its_bugs_is_told_to_who_called(error: Exception) -> None:
     with pytest.raises(type(error)):
         await served(error)
+
+
+async def test_made_up_tokens_have_no_newcomer_refused_for_good(autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The log is asked for few unknown ones a second; whose token was not asked for may just have been given it."""
+    pulls = []
+
+    async def pull() -> None:
+        pulls.append(trio.current_time())
+
+    log = SimpleNamespace(registry=SimpleNamespace(roll=SimpleNamespace(invitations={b"known": None})), pull=pull)
+    none: Any = None
+    enrolling = Enrolling(
+        cast(Any, SimpleNamespace(clock=SimpleNamespace(now=trio.current_time))), none, none, none, cast(Any, log), none, none
+    )
+    monkeypatch.setattr("scenefold.peer.enrolment.enrolling.form_in", lambda form: SimpleNamespace(invitation=form))
+
+    def judged(_packet: object) -> None:
+        raise Refused(RejectReason.NOT_AUTHORISED, "no such token was given out")
+
+    monkeypatch.setattr(enrolling, "_judged", judged)
+
+    async def reason(token: bytes) -> RejectReason:
+        with pytest.raises(Refused) as told:
+            await enrolling._enrolled(cast(Any, SimpleNamespace(form=token)), lambda _: None)
+        return told.value.reason
+
+    strange = [await reason(b"made up %d" % number) for number in range(3)]
+    assert strange == [RejectReason.NOT_AUTHORISED] * 2 + [RejectReason.NOT_READY] and len(pulls) == 2
+    assert await reason(b"known") is RejectReason.NOT_AUTHORISED, "it is known, and used"
+    await trio.sleep(1.0)
+    assert await reason(b"made up 3") is RejectReason.NOT_AUTHORISED and len(pulls) == 3

@@ -127,8 +127,15 @@ class Enrolling:
 
     async def _enrolled(self, packet: RequestEnrolment, expected: Callable[[bytes], None]) -> Enrolled:
         invitation = form_in(packet.form).invitation
-        await self._hear_of(invitation)
-        judged = self._judged(packet)
+        is_news = await self._hear_of(invitation)
+        try:
+            judged = self._judged(packet)
+        except Refused as refusal:
+            if is_news or refusal.reason is not RejectReason.NOT_AUTHORISED:
+                raise
+            # Whoever makes tokens up must not have those refused that were given out.
+            what = "too many ask here with tokens that this node does not know"
+            raise Refused(RejectReason.NOT_READY, what, remedy="try again in a moment") from refusal
         if isinstance(judged, IssuedBefore):
             return self._answer(judged.card.der)
         expected(invitation)
@@ -143,11 +150,18 @@ class Enrolling:
                 raise
             return self._answer(judged.card.der)
 
-    async def _hear_of(self, invitation: bytes) -> None:
-        """An invitation that this node does not know may stand in the log of others: tokens are used as soon as they are given."""
-        if invitation not in self._registry.roll.invitations and self._news.take(self._world.clock.now()):
-            with trio.move_on_after(NEWS_S_MAX):
-                await self._cluster_log.pull()
+    async def _hear_of(self, invitation: bytes) -> bool:
+        """An invitation that this node does not know may stand in the log of others: tokens are used as soon as they are given.
+
+        False if it may not be asked for now.
+        """
+        if invitation in self._registry.roll.invitations:
+            return True
+        if not self._news.take(self._world.clock.now()):
+            return False
+        with trio.move_on_after(NEWS_S_MAX):
+            await self._cluster_log.pull()
+        return True
 
     def _judged(self, packet: RequestEnrolment) -> Judged:
         if not self._registry.position:
