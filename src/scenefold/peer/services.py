@@ -276,7 +276,9 @@ class PeerServices:
             task_status.started()
 
     def _outlasts_seeds(self) -> bool:
-        return self._is_seed or self.context.cluster_log.registry.is_current(self.context.own.member)
+        """A seed, or a member that has run before; at its first start it may have been told of the wrong ones."""
+        context = self.context
+        return self._is_seed or (context.store.identity.boot > 1 and context.cluster_log.registry.is_current(context.own.member))
 
     async def _join(self) -> None:
         context = self.context

@@ -30,7 +30,8 @@ class ComparingStore(OpenedStore):
 
     async def spaces_in(self, arc: Arc) -> list[SpaceAddress]:
         """Likewise, where there are records with their homes in the arc. Some us a space."""
-        return await self._view(read_spaces, await self.spaces(), arc)
+        spaces = await self.spaces()
+        return await self._view(read_spaces, spaces, arc) if spaces else []
 
     async def sums(self, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]) -> list[RangeSum]:
         """How many records have their homes in each arc, and the sum of their versions. Some ms an arc, without a walk over it.
