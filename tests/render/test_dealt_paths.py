@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -10,14 +9,16 @@ import pytest
 import trio
 
 from render.test_resume import interrupted, resumed
-from scenefold.base.errors import LocalFault, PeerFault, Refused
+from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import address_of
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.job import RenderOptions
+from scenefold.render.ledger import Counts
 from scenefold.render.levels import Adaptive
 from scenefold.render.passes import PassPlan
 from scenefold.render.pool import dealing, organiser
 from scenefold.render.pool.cell import Cell
+from scenefold.render.pool.member import Member
 from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import EVERYTHING, check_whole, read_tables
@@ -25,7 +26,7 @@ from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader, Records, memory_pool, running, sha256_of
 from scenefold.render.renderers.embree.renderer import EmbreeScene
-from scenefold.wire import PassCounts, RayBatch, SendRays
+from scenefold.wire import CancelJob, RayBatch, SendRays
 from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(width=96, height=72, samples=160, seed=3, sky=(0.2, 0.3, 0.5), depth=4, algorithm="whole")
@@ -109,23 +110,29 @@ async def test_whatever_the_network_does(room: Records, alone: str, faults: Faul
     assert not faults.lost or (pool.dropped and sum(node["packets_resent"] for node in state["nodes"]))
 
 
-async def test_nobody_has_a_pass_closed_of_which_it_was_dealt_nothing(room: Records, alone: str) -> None:
+async def test_nobody_has_a_pass_closed_of_which_it_was_dealt_nothing(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """It says that it made rays, so that what all say balances, and is to be collected, again and again."""
+    members: list[Member] = []
+    run = Member.run
+
+    async def noted(self: Member) -> None:
+        members.append(self)
+        await run(self)
+
+    monkeypatch.setattr(Member, "run", noted)
     async with memory_pool(offline_world(), room, 2) as pool:
         owner = await pool.start(JOB, OPTIONS)
-        await pool.until(JOB, owner, "rendering")
-        plan = PassPlan(JOB, PATHS)
-        mine = [number for number in range(plan.count) if pass_owner(plan, number, 2) == 0]
-        counts = tuple(PassCounts(number, 1, 1, 0, 0) for number in mine)
-        with suppress(PeerFault):
-            # Its link may have said as much already.
-            await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], SendRays(JOB, 0, 0, 1, 0, b"", (), counts, (), (), b""))
+        while len(members) < 2:
+            await pool.world.clock.sleep(0.005)
+        (first,) = (member for member in members if not member._me)
+        for number in range(PassPlan(JOB, PATHS).count):
+            first._report(1, number, Counts(created=1, retired=1))
         with trio.fail_after(60.0):
-            image, _ = await pool.finished(JOB, owner)
-    assert sha256_of(image) == alone
+            image, state = await pool.finished(JOB, owner)
+    assert sha256_of(image) == alone and state["attempts"] == 1
 
 
-async def test_dealt_paths_come_from_who_owns_them(room: Records, alone: str) -> None:
+async def test_dealt_paths_come_from_who_owns_them(room: Records) -> None:
     async with memory_pool(offline_world(), room, 3) as pool:
         owner = await pool.start(JOB, OPTIONS)
         await pool.until(JOB, owner, "rendering")
@@ -134,8 +141,8 @@ async def test_dealt_paths_come_from_who_owns_them(room: Records, alone: str) ->
         forged = SendRays(JOB, 0, 0, 90, 0, b"", (), (), (), (RayBatch(number, 0, 1),), bytes(RAY_BYTES))
         with pytest.raises(Refused, match="dealt by the owner"):
             await pool.deliver(f"node:{pool.nodes[1]}", pool.nodes[0], forged)
-        image, _ = await pool.finished(JOB, owner)
-    assert sha256_of(image) == alone
+        # The link between the two has counted that, and is of no use any more.
+        await pool.ask(owner, CancelJob(job=JOB))
 
 
 @pytest.mark.usefixtures("all_help")
