@@ -34,6 +34,8 @@ SYNCING_LANE = "store"
 """Its calls take as much longer as the disk is slow."""
 IN_BETWEEN = 0.1
 """The part of other calls that happen neither at the beginning nor at the end of their time."""
+LOOK_S = 0.25
+"""On a slow machine: so often a call finds out whether it still is."""
 
 
 class _Lane:
@@ -73,14 +75,14 @@ class SimWorkers:
             await trio.lowlevel.cancel_shielded_checkpoint()
             return result
         async with self._lane(lane):
-            before = self._before(lane, cost)
+            before, slowness = self._before(lane, cost), self._slowness()
             if before:
-                await self._elapse(before)
+                await self._elapse(before, slowness)
             if not self._process.is_alive:
                 await trio.lowlevel.checkpoint()
             result = await self._call(function, *args)
             if before < cost:
-                await self._elapse(cost - before)
+                await self._elapse(cost - before, slowness)
             return result
 
     def _before(self, lane: str, cost: float) -> float:
@@ -110,16 +112,28 @@ class SimWorkers:
         machine = self._process.machine
         own = self._costs.get(lane)
         cost = own.draw(machine.dice) if own is not None else 0.0
-        cost *= self._paths.slowness(machine.name)
+        cost *= self._slowness()
         # A busy processor does not slow its disk down: both together would make minutes of one commit, long after both have healed.
         return cost + machine.disk.sync_s if lane == SYNCING_LANE else cost
 
-    async def _elapse(self, seconds: float) -> None:
-        """Let virtual time pass, whoever is cancelled meanwhile; the death of the process ends it."""
+    async def _elapse(self, seconds: float, slowness: float) -> None:
+        """Let virtual time pass, whoever is cancelled meanwhile; the death of the process ends it.
+
+        `seconds`: on a machine as slow as that. Once it is faster the rest is shortened by as much (that of a slow disk with
+        it): else what was begun would be late for long after all is well.
+        """
         process = self._process
-        if process.is_alive:
-            current_time_of_simulation().after(seconds, self._end, trio.lowlevel.current_task())
+        while process.is_alive:
+            seconds, slowness = seconds * min(1.0, self._slowness() / slowness), min(slowness, self._slowness())
+            part = min(seconds, LOOK_S) if slowness > 1.0 else seconds
+            current_time_of_simulation().after(part, self._end, trio.lowlevel.current_task())
             await process.last()
+            seconds -= part
+            if seconds <= 0:
+                return
+
+    def _slowness(self) -> float:
+        return self._paths.slowness(self._process.machine.name)
 
     def _end(self, task: trio.lowlevel.Task) -> None:
         time, machine = current_time_of_simulation(), self._process.machine

@@ -196,6 +196,25 @@ def test_what_was_sent_while_a_machine_was_slow_is_not_late_for_ever() -> None:
     simulated(main, Weather(Delay(0.05, 0.0, 0.05)))
 
 
+def test_what_was_begun_while_a_machine_was_slow_goes_on_faster_once_it_is_not() -> None:
+    async def main(net: SimNet) -> tuple[float, float]:
+        workers = node(net, A).workers
+        began = trio.current_time()
+        await workers.run("store", int)
+        work_s = trio.current_time() - began
+        net.slow(A, 1e6)
+        async with trio.open_nursery() as nursery:
+            nursery.start_soon(workers.run, "store", int)
+            await trio.sleep(10.0)
+            assert nursery.child_tasks, "it takes minutes"
+            net.slow(A, 1.0)
+            began = trio.current_time()
+        return work_s, trio.current_time() - began
+
+    work_s, rest_s = simulated(main)
+    assert rest_s < 1.0 and work_s < 1.0
+
+
 def test_everything_of_a_slow_machine_takes_longer() -> None:
     async def main(net: SimNet) -> list[float]:
         world, other = node(net, A), node(net, B)
