@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -20,8 +21,9 @@ from scenefold.render.pool import dealing, organiser
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.own_passes import pass_owner
+from scenefold.render.pool.promises import Promises
 from scenefold.render.pool.request import organiser_of
-from scenefold.render.pool.share import EVERYTHING, check_whole, read_tables
+from scenefold.render.pool.share import EVERYTHING, promise_whole, read_tables
 from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader, Records, memory_pool, running, sha256_of
@@ -230,9 +232,9 @@ class _Slow:
 async def test_a_scene_that_is_too_large_for_a_node_is_refused_with_what_to_do(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
     workers = offline_world().workers
     tables = await read_tables(MemoryReader(room), workers)
-    check_whole(tables, 1 << 30)
+    promise_whole(tables, partial(Promises(1 << 30).account().take, "cell"))
     with pytest.raises(LocalFault, match=r"the whole scene takes some \d+ MiB .* may use 0 MiB"):
-        check_whole(tables, 1_000)
+        promise_whole(tables, partial(Promises(1_000).account().take, "cell"))
     async with memory_pool(offline_world(), room, 2) as pool:
         monkeypatch.setattr("scenefold.render.pool.share.TRIANGLE_BYTES", MemoryHost.memory_bytes)
         owner = await pool.start(JOB, OPTIONS)

@@ -13,7 +13,7 @@ from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.job import RenderOptions
 from scenefold.render.kept import KeptRender, asked_of, read_kept, write_kept
 from scenefold.render.levels import Adaptive
-from scenefold.render.pool.kept_film import check_memory, film_size, packed_film, stage_end, unpack_film
+from scenefold.render.pool.kept_film import film_size, kept_bytes, packed_film, stage_end, unpack_film
 from scenefold.render.pool.request import Keep
 from scenefold.render.sum_columns import FULL, PLAIN
 from scenefold.render.window import Window
@@ -102,10 +102,5 @@ def test_stages_grow_with_the_pace() -> None:
     assert stage_end(990, 1000, 5, 2.0) == 1000
 
 
-def test_films_that_take_too_much_memory_are_refused() -> None:
-    check_memory(1000, PLAIN, 1, 3 * 136_000)
-    check_memory(1000, PLAIN, 2, 4 * 136_000)
-    with pytest.raises(LocalFault, match="to keep a render of 1000 pixels"):
-        check_memory(1000, PLAIN, 1, 3 * 136_000 - 1)
-    with pytest.raises(LocalFault, match="to keep a render"):
-        check_memory(1000, PLAIN, 2, 4 * 136_000 - 1)
+def test_who_keeps_a_film_has_two_more_of_it() -> None:
+    assert kept_bytes(1000, PLAIN) == 2 * 136_000

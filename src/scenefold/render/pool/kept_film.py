@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import trio
 
-from scenefold.base.errors import LocalFault, PeerFault
+from scenefold.base.errors import PeerFault
 from scenefold.render.film import EVERY_ROW, Film, GoesOn
 from scenefold.render.film_rows import row_bytes
 from scenefold.render.passes import PassPlan
@@ -20,10 +20,8 @@ STAGE_S = 60.0
 """Between two films that are kept: what an interruption costs at most, beside the time to fetch one."""
 FIRST_STAGE_PASSES = 4
 """Of each node, before it is known how fast they are."""
-COPIES = 3
-"""Of a film at its organiser: its own, the one that is kept, and that which it makes, or came with the job,"""
-COPIES_OF_OTHERS = 1
-"""and one more if others take part: of its neighbour's film, beside what comes while films are gathered."""
+COPIES = 2
+"""Of a film at its organiser, beside those of its part: the one that is kept, and that which it makes, or came with the job."""
 PIECE_BYTES = 4 * 1024 * 1024
 
 
@@ -51,14 +49,9 @@ def stage_end(done: int, level_end: int, nodes: int, passes_per_second: float | 
     return min(level_end, done + (least if passes_per_second is None else max(least, int(passes_per_second * seconds))))
 
 
-def check_memory(pixels: int, columns: SumColumns, nodes: int, may: int) -> None:
-    """LocalFault if an organiser must not hold the films that it takes to keep one."""
-    needs = (COPIES + (COPIES_OF_OTHERS if nodes > 1 else 0)) * pixels * row_bytes(columns)
-    if needs > may:
-        raise LocalFault(
-            f"to keep a render of {pixels} pixels takes {needs >> 20} MiB of a node's memory; this one may use {may >> 20} MiB",
-            remedy="render it without --resume, or smaller, or give the nodes more memory",
-        )
+def kept_bytes(pixels: int, columns: SumColumns) -> int:
+    """What the films take at an organiser that keeps one."""
+    return COPIES * pixels * row_bytes(columns)
 
 
 class ComingFilm:

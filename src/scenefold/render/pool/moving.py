@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import trio
 
@@ -19,6 +20,7 @@ from scenefold.render.job import Job
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
+from scenefold.render.pool.promises import Account
 from scenefold.render.pool.share import LANE, LoadedShare, held_by, load_share
 
 
@@ -29,13 +31,17 @@ class Held:
     cell: Cell
     loaded: LoadedShare
     scene: OpenScene
+    promise: str
+    """What the memory for it was promised under."""
 
 
 class Moving:
     """Of one part. `held`: what it traces with, once it is ready."""
 
-    def __init__(self, host: Host, renderer: Renderer, job: Job, me: int) -> None:
-        self._host, self._renderer, self._job = host, renderer, job
+    def __init__(self, host: Host, renderer: Renderer, job: Job, me: int, account: Account) -> None:
+        """`account`: of the memory that the part takes."""
+        self._host, self._renderer, self._job, self._account = host, renderer, job, account
+        self._opened_count = 0
         self._place, self._places = me, len(job.nodes)
         self.held: Held | None = None
         self.bytes_read = 0
@@ -146,16 +152,25 @@ class Moving:
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
         if holds and isinstance(now.scene, MovableScene):
             tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, cells, mine, self._host.render_threads)
-            return Held(self._cell(partition, tracers, place), now.loaded, now.scene)
+            return Held(self._cell(partition, tracers, place), now.loaded, now.scene, now.promise)
         return await self._opened(partition, place)
 
     async def _opened(self, partition: Partition, place: int) -> Held:
+        self._opened_count += 1
+        promise = f"cell {self._opened_count}"
+        try:
+            return await self._open(partition, place, promise)
+        except BaseException:
+            self._account.give_back(promise)
+            raise
+
+    async def _open(self, partition: Partition, place: int, promise: str) -> Held:
         host, job = self._host, replace(self._job, partition=partition)
         if self.held is not None:
             # The digest of the whole scene was told already.
             job = replace(job, keeps=False)
         async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
-            loaded = await load_share(reader, host.world.workers, job, place, host.memory_bytes)
+            loaded = await load_share(reader, host.world.workers, job, place, partial(self._account.take, promise))
         self.bytes_read += loaded.bytes_read
         scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, *held_by(job, partition, place))
         if self._is_over:
@@ -168,7 +183,7 @@ class Moving:
                 "the renderer's rays depend on what is traced with them, so paths cannot be dealt",
                 remedy="render with cells, or on one node",
             )
-        return Held(self._cell(partition, tracers, place), loaded, scene)
+        return Held(self._cell(partition, tracers, place), loaded, scene, promise)
 
     def _cell(self, partition: Partition, tracers: Sequence[Tracer], place: int) -> Cell:
         return Cell(partition, tracers, place if self._job.whole else None)
@@ -177,6 +192,7 @@ class Moving:
         """Unless somebody else traces with it."""
         if all(other is None or other.scene is not held.scene for other in (self.held, self._next, *self._left)):
             await self._host.world.workers.run(LANE, held.scene.close)
+            self._account.give_back(held.promise)
 
 
 def _epoch(value: object) -> int:

@@ -41,6 +41,7 @@ from scenefold.render.pool.mover import USUAL_PACE, Mover, Pace
 from scenefold.render.pool.moves import Moves, Told
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.planning import fresh_cells, planned
+from scenefold.render.pool.promises import Account
 from scenefold.render.pool.request import Keep, RenderRequest, options_document
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import failure_fields, failure_of, told
@@ -82,11 +83,12 @@ class Organiser:
         keys: EpochKeys,
         own_part: Callable[[int], Part],
         quiet: QuietLog,
+        account: Account,
         pace: Pace = USUAL_PACE,
     ) -> None:
-        """`keys`: those of the request, opened; both dropped as soon as the job is made. `own_part(job)`: this node's own part in a job."""
+        """`keys`: of the request, opened; both dropped once the job is made. `own_part(job)`: this node's own part in a job. `account`: of memory."""
         self._host, self._renderer, self._own_part, self._quiet, self._pace = host, renderer, own_part, quiet, pace
-        self._id = request.job
+        self._id, self.account = request.job, account
         self._request: RenderRequest | None = request
         self._keys: EpochKeys | None = keys
         self._job: Job | None = None
@@ -136,6 +138,7 @@ class Organiser:
             if self._failure is not None:
                 # The place is free, and only the words are kept.
                 self._job = self._company = self._attempts = None
+                self.account.close()
             await self._host.world.clock.sleep(KEEP_S if self._unattended is None else IMAGE_KEPT_S)
         with trio.CancelScope(shield=True), trio.move_on_after(ASK_S_MAX):
             await self._free()
@@ -144,6 +147,7 @@ class Organiser:
         """What an image, or words, that are kept for a day do not need: the scene's tables, films, and which pixels went on."""
         self._is_free, self._comebacks, self._goes_on = True, None, EVERY_ROW
         self._kept, self._coming = (0, b""), ComingFilm(0)
+        self.account.give_back("kept film")
         if self._attempts is not None:
             self._attempts.drop_scene()
 
@@ -227,7 +231,7 @@ class Organiser:
     async def _render(self) -> None:
         assert self._keys is not None and self._request is not None
         with _Timed(self, "plan"):
-            job, tables = await planned(self._host, self._renderer, self._request, self._keys)
+            job, tables = await planned(self._host, self._renderer, self._request, self._keys, self.account)
         self._job, self._keys, self._request = job, None, None
         async with trio.open_nursery() as nursery:
             nursery.start_soon(keep_places, self._host, job, self._nodes_now)

@@ -10,7 +10,7 @@ from typing import Any
 
 import trio
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused
+from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
@@ -30,6 +30,7 @@ from scenefold.render.pool.member import Member
 from scenefold.render.pool.moving import Moving
 from scenefold.render.pool.own_passes import owners_of
 from scenefold.render.pool.pass_bits import bits_of, passes_of
+from scenefold.render.pool.promises import Account
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
@@ -40,8 +41,8 @@ _log = logging.getLogger("scenefold.render.pool")
 
 FILMS = 3
 """Of a node among several: its own, the copy of another's, and what comes while films are gathered."""
-IMAGE_COPIES = 3
-"""Of the image, in memory at the end: its layers, each of them as bytes, and all of these together."""
+IMAGE_COPIES = 2
+"""Of the image, in memory at the end: its layers, and each of them as bytes. All of these together are its organiser's."""
 
 
 class Phase(Enum):
@@ -58,7 +59,8 @@ class Phase(Enum):
 class Part:
     """One node's part in one job. It needs the scene's keys while it prepares, and keeps none."""
 
-    def __init__(self, host: Host, renderer: Renderer, job: Job, organiser: NodeId, quiet: QuietLog) -> None:
+    def __init__(self, host: Host, renderer: Renderer, job: Job, organiser: NodeId, quiet: QuietLog, account: Account) -> None:
+        """`account`: of the memory that it takes, which it closes at its end."""
         if host.node_id not in job.nodes:
             raise PeerFault("this node is not among the job's")
         self.job = job
@@ -68,7 +70,8 @@ class Part:
         self._host, self._renderer, self._quiet = host, renderer, quiet
         self._processor_before_s = host.used().processor_s
         self._roster = Roster.first(job, organiser)
-        self._moving = Moving(host, renderer, job, self.me)
+        self._account = account
+        self._moving = Moving(host, renderer, job, self.me, account)
         self._member: Member | None = None
         self._lasting = Lasting(Films(job), MemberStatistics(), HitSample(len(job.nodes), job.seed + self.me))
         self._turn, self._films_turn = trio.Lock(), trio.Lock()
@@ -110,6 +113,7 @@ class Part:
             self._rested.set()
             with trio.CancelScope(shield=True):
                 await self._moving.end()
+            self._account.close()
             self._ended.set()
 
     async def _trace(self) -> None:
@@ -356,7 +360,7 @@ class Part:
                 remedy="start the render again without this node, or have the same versions, and processors of one maker, on all nodes",
             )
         check_layers_written(self._renderer, job.layers)
-        self._check_memory()
+        self._promise_image()
         held = await self._moving.open()
         self._digest = held.loaded.digest
         await host.world.workers.run(FILM_LANE, owners_of, job.plan, len(job.nodes))
@@ -365,17 +369,13 @@ class Part:
         self.phase, self._was_ready = Phase.READY, True
         self._prepared.set()
 
-    def _check_memory(self) -> None:
-        """LocalFault if the image alone is more than this node may hold; found out later, it would end the node."""
-        job, may = self.job, self._host.memory_bytes
-        pixels = job.window.pixels
-        films = FILMS if len(job.nodes) > 1 else 1
+    def _promise_image(self) -> None:
+        """LocalFault or Refused if the image is more than this node has memory for; found out later, it would end the node."""
+        job = self.job
+        pixels, films = job.window.pixels, FILMS if len(job.nodes) > 1 else 1
         needs = pixels * (films * row_bytes(job.columns) + (job.adaptive is not None)) + IMAGE_COPIES * image_bytes(job.layers, pixels)
-        if needs > may:
-            raise LocalFault(
-                f"an image of {job.window.width}x{job.window.height} takes {needs >> 20} MiB of each node's memory; this one may use {may >> 20} MiB",
-                remedy="render it smaller, with fewer nodes on one machine, or give the nodes more memory",
-            )
+        remedy = "render it smaller, with fewer nodes on one machine"
+        self._account.take("image", needs, f"an image of {job.window.width}x{job.window.height}", remedy)
 
     async def _ask(self, roster: Roster, place: int, packet: Packet, timeout_s: float) -> Packet:
         answer = await self._host.ask(roster.nodes[place], packet, timeout_s)

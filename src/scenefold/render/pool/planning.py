@@ -10,20 +10,26 @@ from scenefold.render.algorithms import WHOLE, rule_of
 from scenefold.render.contract import Renderer, check_layers_written
 from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job
+from scenefold.render.layers import image_bytes
 from scenefold.render.numbers import camera_numbers
 from scenefold.render.pool.host import Host
-from scenefold.render.pool.kept_film import check_memory
+from scenefold.render.pool.kept_film import kept_bytes
+from scenefold.render.pool.promises import Account
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.share import LANE, read_tables
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 
 
-async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys) -> tuple[Job, SceneTables]:
-    """The job, and the scene's tables. LocalFault or Refused if it cannot be."""
+async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, account: Account) -> tuple[Job, SceneTables]:
+    """The job, and the scene's tables. LocalFault or Refused if it cannot be; `account`: of the memory that whoever organises it takes for that."""
     options = request.options
+    pixels = options.window.pixels
+    image = f"the image of {options.window.width}x{options.window.height}"
+    account.take("image", image_bytes(options.layers, pixels), image, "render it smaller")
     if request.keep is not None:
-        check_memory(options.window.pixels, options.columns, len(request.keys.nodes), host.memory_bytes)
+        what = f"to keep a render of {pixels} pixels"
+        account.take("kept film", kept_bytes(pixels, options.columns), what, "render it without --resume, or smaller")
     async with host.reader(request.scene, request.genesis, keys, request.head) as reader:
         tables = await read_tables(reader, host.world.workers)
     return await host.world.workers.run(LANE, _made, host, renderer, request, tables), tables

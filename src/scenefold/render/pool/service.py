@@ -22,6 +22,7 @@ from scenefold.render.pool.mover import USUAL_PACE, Pace
 from scenefold.render.pool.organiser import Organiser
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.places import Places
+from scenefold.render.pool.promises import Promises
 from scenefold.render.pool.request import RenderRequest
 from scenefold.render.pool.telling import reason_of, words_of
 from scenefold.render.pool.unattended import ALL_JOBS
@@ -73,6 +74,7 @@ class RenderService:
         self._renderer: Renderer | None = None if isinstance(renderer, str) else renderer
         self._parts: Places[Part] = Places("takes part in", JOBS_MAX, JOBS_OF_A_NODE_MAX)
         self._organisers: Places[Organiser] = Places("organises", JOBS_OF_A_NODE_MAX, JOBS_OF_A_USER_MAX)
+        self.promises = Promises(host.memory_bytes, self._make_room)
         self._ended: deque[tuple[int, str]] = deque(maxlen=ENDED_MAX)
         self._quiet = QuietLog(_log)
         self._nursery: trio.Nursery | None = None
@@ -141,8 +143,9 @@ class RenderService:
             self._check_pinned(image_bytes(request.options.layers, request.options.window.pixels))
         keys = self._host.opened(request.keys, request.genesis, request.job)
         renderer = self._load()
+        account = self.promises.account
         organiser = self._organisers.take(
-            packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part, self._quiet, self._pace)
+            packet.job, peer, lambda: Organiser(self._host, renderer, request, keys, self._part, self._quiet, account(), self._pace)
         )
         self._start(self._keep_organiser, packet.job, organiser)
 
@@ -157,7 +160,17 @@ class RenderService:
         try:
             await organiser.run()
         finally:
+            organiser.account.close()
             self._organisers.drop(job, organiser)
+
+    def _make_room(self) -> bool:
+        """Let the oldest image go that nobody fetches."""
+        idle = next(((job, one) for job, one in self._organisers.jobs() if one.is_idle), None)
+        if idle is not None:
+            self._organisers.drop(*idle)
+            idle[1].forget()
+            idle[1].account.close()
+        return idle is not None
 
     async def _on_state(self, packet: JobState, peer: str) -> JobStateReply:
         state: dict[str, Value]
@@ -209,7 +222,8 @@ class RenderService:
         if part is None:
             self._parts.check(peer)
             renderer = self._load()
-            part = self._parts.take(job.id, peer, lambda: Part(self._host, renderer, job, organiser, self._quiet))
+            account = self.promises.account
+            part = self._parts.take(job.id, peer, lambda: Part(self._host, renderer, job, organiser, self._quiet, account()))
             self._start(self._keep_part, part)
         elif part.job != job:
             raise PeerFault("there is another job of that id")

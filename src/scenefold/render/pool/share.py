@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol
 
+import numpy as np
+
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
@@ -79,30 +81,50 @@ def held_by(job: Job, partition: Partition, place: int) -> tuple[Partition, int]
     return (EVERYTHING, 0) if job.whole else (partition, place)
 
 
-def check_whole(tables: SceneTables, memory_bytes: int) -> None:
-    """LocalFault if a scene as a whole is more than a node may hold, by a rough estimate."""
+class Promise(Protocol):
+    """Asks for memory for a node's share of a scene before it is taken."""
+
+    def __call__(self, needs: int, what: str, remedy: str) -> None:
+        """So many bytes, in all. LocalFault or Refused if there are no so many."""
+        ...
+
+
+def promise_anything(needs: int, what: str, remedy: str) -> None:
+    """Nobody counts."""
+
+
+def promise_whole(tables: SceneTables, promise: Promise) -> None:
+    """Of a node that holds all of a scene, by a rough estimate."""
     texels = sum(texture.width * texture.height for texture in tables.textures)
     needs = TRIANGLE_BYTES * int(tables.groups.triangles.sum()) + TEXEL_BYTES * texels
-    if needs > memory_bytes:
-        raise LocalFault(
-            f"the whole scene takes some {needs >> 20} MiB of each node's memory; this one may use {memory_bytes >> 20} MiB",
-            remedy="render it with cells (another --algorithm than whole), or give the nodes more memory",
-        )
+    promise(needs, "the whole scene", "render it with cells (another --algorithm than whole)")
 
 
-async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int, memory_bytes: int | None = None) -> LoadedShare:
-    """Everything that node `me` of a job must hold; DamagedData if the scene is not the job's, LocalFault if a whole scene is more than the memory."""
+def promise_cell(tables: SceneTables, share: Share, textures: Sequence[int], promise: Promise) -> None:
+    """Of a node that holds a cell, and these textures of what is in it, by a rough estimate."""
+    triangles = int(tables.groups.triangles[np.array(share.groups, np.int64)].sum(dtype=np.int64))
+    texels = sum(tables.textures[texture].width * tables.textures[texture].height for texture in textures)
+    needs = TRIANGLE_BYTES * triangles + TEXEL_BYTES * texels
+    promise(needs, f"a cell with {triangles} triangles and {texels} texels of the scene", "render it with more nodes")
+
+
+async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int, promise: Promise = promise_anything) -> LoadedShare:
+    """Everything that node `me` of a job must hold; DamagedData if the scene is not the job's. What `promise` raises, where that takes too much memory."""
     tables = await read_tables(reader, workers)
     if tables.document.digest != job.content:
         raise DamagedData("the scene changed since the job was made", remedy="start the render again")
-    if job.whole and memory_bytes is not None:
-        check_whole(tables, memory_bytes)
     share = await workers.run(LANE, share_of, tables, *held_by(job, job.partition, me))
+    if job.whole:
+        promise_whole(tables, promise)
+    else:
+        promise_cell(tables, share, (), promise)
     locations = [location for group in share.groups for location in tables.groups.locations(group)]
     payloads = await reader.get_many(GEOMETRY, locations)
     atoms = await workers.run(LANE, _decode_groups, tables, share, payloads)
     bytes_read = sum(len(payload) for payload in payloads if payload is not None)
     textures = held_textures(tables, atoms)
+    if not job.whole:
+        promise_cell(tables, share, textures, promise)
     spots = [location for texture in textures for location in tables.textures[texture].tiles]
     tile_payloads = await reader.get_many(TEXTURES, spots)
     tiles = await workers.run(LANE, _decode_tiles, tables, textures, tile_payloads)

@@ -86,6 +86,7 @@ class MemoryHost:
         self.sealing = SealingKey.generate()
         self.keys: list[EpochKeys] = []
         """That it could open."""
+        self.service = RenderService(self, pace=pool.pace)
 
     def nodes(self) -> list[NodeId]:
         return self._pool.nodes
@@ -121,7 +122,7 @@ class MemoryHost:
     async def run(self, *, task_status: trio.TaskStatus[None]) -> None:
         """Serve until it dies."""
         with self.life:
-            await RenderService(self, pace=self._pool.pace).run(task_status=task_status)
+            await self.service.run(task_status=task_status)
 
 
 class MemoryPool:
