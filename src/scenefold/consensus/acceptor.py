@@ -10,7 +10,7 @@ from scenefold.consensus.acceptor_table import ACCEPT, ACCEPTOR, PREPARE
 from scenefold.consensus.ballots import is_first
 from scenefold.consensus.case import Case
 from scenefold.consensus.certificates import certificate_of
-from scenefold.consensus.choosing import highest_of
+from scenefold.consensus.choosing import highest_of, named_highest
 from scenefold.consensus.effects import Tell
 from scenefold.consensus.facts import Refusal, merged, signed, true_facts
 from scenefold.consensus.hops import hand_on_from
@@ -152,7 +152,8 @@ def abstains(guest: Visit) -> bool:
 
 def nothing_begun(guest: Visit) -> bool:
     """it is no takeover, `accepted` is none, and no fact names a ballot voted in"""
-    begun = guest.case.slot.accepted is not None or guest.highest is not None or guest.message.takeover
+    is_named = named_highest(guest.facts) is not None
+    begun = guest.case.slot.accepted is not None or is_named or guest.message.takeover
     return not begun
 
 
@@ -190,8 +191,8 @@ def tell_log(guest: Visit) -> None:
 
 
 def ask_log(guest: Visit) -> None:
-    """ask for what is decided above c (5): the originator, unless a participant was asked less than 0.9 s ago, or another one if it is none"""
-    guest.case.ask_log(guest.origin)
+    """ask for what is decided above c (5): the originator, or whoever brought it if that is no node of P(c + 1), unless a participant was asked less than 0.9 s ago, or another one if it is none"""
+    guest.case.ask_log(guest.sender if not_of_a_participant(guest) else guest.origin)
 
 
 def promise(guest: Visit) -> None:

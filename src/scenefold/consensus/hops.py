@@ -46,10 +46,10 @@ def hand_on_from(case: Case, sender: NodeId, message: Propose) -> None:
 
 
 class Return:
-    """What has come back of a proposal, or has not: `message` is None if the time for it is over."""
+    """What has come back of a proposal, or has not: `message` and its `sender` are None if the time for it is over."""
 
-    def __init__(self, case: Case, proposal: ProposalId, message: Answer | None = None) -> None:
-        self.case, self.proposal, self.message = case, proposal, message
+    def __init__(self, case: Case, proposal: ProposalId, message: Answer | None = None, sender: NodeId | None = None) -> None:
+        self.case, self.proposal, self.message, self.sender = case, proposal, message, sender
         self.hop = next((hop for hop in case.state.hops if hop.proposal == proposal), None)
         known, new = () if self.hop is None else self.hop.facts, () if message is None else message.facts
         if proposal.position == case.open_position and message is not None:
@@ -57,9 +57,9 @@ class Return:
         self.facts = merged(known, new)
 
 
-def come_home(case: Case, message: Answer) -> None:
+def come_home(case: Case, sender: NodeId, message: Answer) -> None:
     """An answer to a proposal that is not the one this node waits for."""
-    _take(HOME, Return(case, message.proposal, message))
+    _take(HOME, Return(case, message.proposal, message, sender))
 
 
 def hop_over(case: Case, proposal: ProposalId) -> None:
@@ -104,6 +104,11 @@ def shows_a_decision(back: Return) -> bool:
 def my_own(back: Return) -> bool:
     """this node is the originator, and waits for that no more"""
     return back.proposal.ballot.node == back.case.me
+
+
+def brought_by_a_stranger(back: Return) -> bool:
+    """neither a node of P(c + 1) has brought it, nor the one that this node handed it on to: whatever it holds, this node is not made to carry it, and waits on"""
+    return back.sender not in back.case.participants.nodes and (back.hop is None or back.sender != back.hop.downstream)
 
 
 def has_come_back(back: Return) -> bool:
@@ -174,5 +179,5 @@ def _answered(back: Return) -> None:
     back.case.state = replace(back.case.state, hops=changed)
 
 
-GUARDS = named((of_another_log, shows_a_decision, my_own, has_come_back))
+GUARDS = named((of_another_log, shows_a_decision, my_own, brought_by_a_stranger, has_come_back))
 ACTIONS = acting((decide, pass_home, turn_round))

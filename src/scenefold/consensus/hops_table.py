@@ -11,6 +11,7 @@ HOPS = (
     Row((HOME,), ("of_another_log",)),
     Row((HOME,), ("shows_a_decision",), ("decide", "pass_home")),
     Row((HOME,), ("my_own",)),
+    Row((HOME,), ("brought_by_a_stranger",)),
     Row((HOME,), (), ("pass_home",)),
     Row((HOP_OVER,), ("has_come_back",)),
     Row((HOP_OVER,), (), ("turn_round",)),

@@ -55,7 +55,7 @@ def _receive(case: Case, event: Received) -> None:
         case _ if message.proposal.ballot.node == case.me:
             proposer.answered(case, event.sender, message)
         case _:
-            hops.come_home(case, message)
+            hops.come_home(case, event.sender, message)
 
 
 def _time_over(case: Case, timer: Timer) -> None:

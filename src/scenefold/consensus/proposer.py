@@ -34,7 +34,7 @@ def orphaned(case: Case) -> None:
 def answered(case: Case, sender: NodeId, message: Answer) -> None:
     """An 8 or 9. If it is not of the present ballot it is looked at like one on the way home: its facts are true, too."""
     if message.proposal != case.proposal.id or message.genesis != case.setting.genesis:
-        come_home(case, message)
+        come_home(case, sender, message)
         return
     effort = Effort(case)
     effort.take(sender, message)

@@ -297,3 +297,44 @@ def test_20_nor_by_the_node_whose_vote_decides() -> None:
     message = replace(proposal(Phase.ACCEPT), facts=(vote(A),))
     step = heard(message, A)
     assert step.after.position == 1 and [hop.value for hop in step.after.hops] == [None]
+
+
+@pytest.mark.parametrize("position", [1, 5], ids=["open", "too far ahead"])
+def test_20_nobody_sends_home_what_a_stranger_brings(position: int) -> None:
+    """It would go to whomever the ballot names, with megabytes that nobody has looked at."""
+    asked = ProposalId(position, Ballot(1, NodeId(0x08080808)), Phase.PREPARE)
+    named = Promise(position, asked.ballot, BALLOT, VALUE.digest, member(STRANGER), bytes(64))
+    brought = Accepted(GENESIS, asked, NO_DIGEST, (named,), VALUE)
+    assert heard(brought, STRANGER).effects == ()
+    assert [effect.target for effect in heard(brought, C).effects if isinstance(effect, Send)] == [asked.ballot.node]
+
+
+def test_20_a_stranger_closes_no_hop() -> None:
+    """B waits for what C has to say to A's proposal; somebody else says that it is nothing."""
+    message = replace(proposal(Phase.PREPARE), route=(A, B, C))
+    waiting = heard(message, A).after
+    assert [hop.is_waiting for hop in waiting.hops] == [True]
+    nothing = Accepted(GENESIS, message.proposal, message.digest, ())
+    stranger = heard(nothing, STRANGER, waiting)
+    assert stranger.effects == () and stranger.after.hops == waiting.hops
+    answered = heard(nothing, C, waiting)
+    assert [effect.target for effect in answered.effects if isinstance(effect, Send)] == [A]
+    assert [hop.is_waiting for hop in answered.after.hops] == [False]
+
+
+def test_20_what_a_stranger_has_the_log_asked_for_is_asked_of_himself() -> None:
+    """He may name anybody in a ballot."""
+    ahead = replace(proposal(Phase.PREPARE), proposal=ProposalId(5, Ballot(1, NodeId(0x08080808)), Phase.PREPARE))
+    asked = [effect.target for effect in heard(ahead, STRANGER).effects if isinstance(effect, Send) and isinstance(effect.message, AskLog)]
+    assert asked == [STRANGER]
+
+
+def test_20_who_has_something_against_it_says_so_unless_a_fact_names_what_was_begun() -> None:
+    """Also where the bytes of that are missing: who proposes it may have nothing else to propose."""
+    busy = replace(VIEW, veto=RejectReason.BUSY)
+    setting = Setting(GENESIS, member(B), key(B))
+    begun = signed(Promise(1, BALLOT, Ballot(0, C), VALUE.digest, member(A)), GENESIS, key(A))
+    for facts, refused in ((proposal(Phase.PREPARE).facts, True), ((begun,), False)):
+        message = replace(proposal(Phase.PREPARE), facts=facts)
+        step = take(setting, State(BOOK), Received(A, message), busy)
+        assert (step.write is None) is refused
