@@ -15,6 +15,8 @@ import pytest
 import trio
 
 from scenefold.base.errors import Refused, Unreachable
+from scenefold.base.reasons import RejectReason
+from scenefold.peer.cluster_log.elector import MISSED_S
 from scenefold.peer.membership.evicting import Evicting
 from scenefold.peer.timing import LIFE_S, T_EVICT_S, T_LEASE_S, T_WAIT_S
 from scenefold.wire import DecidedLog, RemoveNode, RemoveParticipant, RequestSceneLog, Want
@@ -204,6 +206,28 @@ def test_whom_one_voter_hears_is_not_removed_by_another_that_does_not() -> None:
         await trio.sleep(T_WAIT_S)
         with pytest.raises(Refused, match="busy"):
             await cluster.nodes[1].log.propose(RemoveNode(cluster.nodes[4].own.member, "silent"))
+
+    simulate(scenario)
+
+
+def test_a_voter_whose_disk_is_full_keeps_nobody_from_being_removed() -> None:
+    """It lives, and can promise nothing: that all who are there agree is waited for a while, and no longer."""
+
+    async def scenario(cluster: LogCluster) -> None:
+        await begun(cluster, 0, 1, 2)
+        gone = cluster.nodes[4].own.member
+        await cluster.crash(4)
+        cluster.net.machine(cluster.nodes[1].address).disk.fill()
+        await trio.sleep(T_WAIT_S)
+        began, said = trio.current_time(), set[RejectReason]()
+        while cluster.nodes[0].log.registry.stands(gone.node):
+            try:
+                await cluster.nodes[0].log.propose(RemoveNode(gone, "gone"))
+            except Refused as refused:
+                said.add(refused.reason)
+            assert trio.current_time() - began < 2 * MISSED_S
+        assert said == {RejectReason.PEER_MISSED}
+        assert trio.current_time() - began >= MISSED_S
 
     simulate(scenario)
 

@@ -7,6 +7,7 @@ what the others have against it they say then.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Awaitable, Callable
 
 from scenefold.base.errors import Refused, Unreachable
@@ -26,6 +27,8 @@ from scenefold.world.facts import ClusterFacts
 _OF_BALLOTS = frozenset({RejectReason.POSITION_TAKEN, RejectReason.NOT_AUTHORISED, RejectReason.SIGNATURE_INVALID})
 DECIDE_S = 9.0
 """For the voters to decide: whoever asked waits a little longer."""
+MISSED_S = 30.0
+"""A voter that lives, and for so long says nothing to a removal, can write nothing down: the others go on without it."""
 
 _log = logging.getLogger("scenefold.peer.cluster_log.cluster_log")
 
@@ -37,6 +40,8 @@ class Elector:
         self._world, self._facts, self._me, self._voted = world, facts, me, voted
         self._started_at = world.clock.now()
         self._beginnings = Beginnings()
+        self._missed_since: dict[NodeId, float] = {}
+        """Of those who are to be removed: since when a voter that lives says nothing to it."""
         self._quiet = QuietLog(_log)
         self.veto: Veto | None = None
         """Asked about removals that another node proposes to this voter: a reason against it, or None."""
@@ -116,8 +121,10 @@ class Elector:
             return value_of(LogRecord(registry.position + 1, registry.head, request_id, origin, entry))
 
         # Who is not heard by some is removed only if nobody who decides, and is there, objects.
-        is_for_all = isinstance(entry, RemoveNode) and origin != entry.member.node
+        is_for_all = isinstance(entry, RemoveNode) and origin != entry.member.node and not self._is_missed_for_long(entry)
         answer = await self._voted.log.ask(make, DECIDE_S, is_for_all=is_for_all)
+        if isinstance(entry, RemoveNode):
+            self._note_missed(entry, is_missed=answer.outcome is Outcome.REJECTED and answer.reason is RejectReason.PEER_MISSED)
         if answer.outcome is Outcome.COMMITTED:
             _log.info("cluster log, position %d: %s", answer.position, in_words(entry))
             return answer.position
@@ -128,6 +135,16 @@ class Elector:
             words = reason.name.lower().replace("_", " ")
             raise Refused(reason, f"the voters do not decide a {type(entry).__name__}: {words}", where=address_of(by))
         raise Unreachable(f"not enough voters have answered, and a {type(entry).__name__} may be decided yet", where=address_of(self._me))
+
+    def _is_missed_for_long(self, entry: RemoveNode) -> bool:
+        return self._world.clock.now() - self._missed_since.get(entry.member.node, math.inf) >= MISSED_S
+
+    def _note_missed(self, entry: RemoveNode, *, is_missed: bool) -> None:
+        registry, node = self._voted.registry, entry.member.node
+        since = self._missed_since.pop(node, self._world.clock.now())
+        self._missed_since = {known: at for known, at in self._missed_since.items() if registry.stands(known)}
+        if is_missed:
+            self._missed_since[node] = since
 
     # -------------------------------------------------------------------------------------------- as one of the others
 

@@ -14,7 +14,6 @@ import math
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.limits import LEASE_LOOK_S
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.cluster_log import ClusterLog
 from scenefold.peer.cluster_log.own_life import OwnLife
@@ -24,8 +23,7 @@ from scenefold.peer.timing import LEASE_RETRY_S, RENEW_S, T_LEASE_S
 from scenefold.store import Store
 from scenefold.world import World
 from scenefold.world.quiet import QuietLog
-
-LOOK_S_MIN = 0.001
+from scenefold.world.waking import sleep_until
 
 _log = logging.getLogger("scenefold.peer.cluster_log.lease")
 
@@ -75,15 +73,8 @@ class OwnerLease:
                 await self._world.clock.sleep(LEASE_RETRY_S)
             elif self._life.granted(asked_at):
                 self._grown_to(asked_at + T_LEASE_S)
-                await self._sleep_until(asked_at + RENEW_S)
+                await sleep_until(self._world.clock, asked_at + RENEW_S)
             # Else it was granted under an old life, and the next is drawn and asked with at once.
-
-    async def _sleep_until(self, at: float) -> None:
-        """By the world's clock, which goes on while the machine sleeps: on waking it may be past that."""
-        clock = self._world.clock
-        while (left_s := at - clock.now()) > 0.0:
-            # Never for so little that no clock moves.
-            await clock.sleep(max(LOOK_S_MIN, min(left_s, LEASE_LOOK_S)))
 
     async def _membership(self) -> None:
         registry = self._cluster_log.registry
@@ -132,7 +123,7 @@ class OwnerLease:
             self._complain(f"no lease: {problem}")
             await self._world.clock.sleep(LEASE_RETRY_S)
         elif self._voted.until > before:
-            await self._sleep_until(asked_at + RENEW_S)
+            await sleep_until(self._world.clock, asked_at + RENEW_S)
         # Else it was granted under an old life, and the next is drawn and asked with at once.
 
     def _has_grown(self) -> None:

@@ -1,4 +1,8 @@
-"""What clients ask of a log: one after the other is proposed, and each is answered (specs/25-consensus.md, Answers)."""
+"""What clients ask of a log: one after the other is proposed, and each is answered (specs/25-consensus.md, Answers).
+
+Whoever only looks whether something was begun (a barrier) shares that with all who wait to look, and somebody's change comes between two looks:
+anybody may look, and each time all participants write.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,9 @@ from scenefold.consensus import Ask, Judge, Reply, State, Value
 from scenefold.consensus.effects import Outcome
 
 WAITING_MAX = 64
-"""Requests that wait for those before them: beyond that, 13."""
+"""Changes that wait for those before them: beyond that, 13."""
+LOOKS_MAX = 256
+"""Likewise of looks, for the next one."""
 
 Make = Callable[[Judge], Value]
 """What to propose at the position behind what this judge knows; Refused if that makes no sense there. It is asked anew for each position."""
@@ -56,17 +62,22 @@ class Asking:
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
         self._waiting: deque[_Request] = deque()
+        self._to_look: list[_Request] = []
         self._current: _Request | None = None
+        self._looking: list[_Request] = []
+        """Whose look the current one is."""
+        self._looked_last = False
         self._is_over = False
 
     async def ask(self, make: Make | None, deadline: float, *, is_for_all: bool, is_forced: bool, needs_consent: bool) -> Answer:
         """Wait for the answer; without `make` it is a barrier. Cancelled, it may be proposed all the same."""
         if self._is_over:
             raise _ended()
-        if len(self._waiting) >= WAITING_MAX:
-            raise Refused(RejectReason.BUSY, f"{WAITING_MAX} requests wait for this log already", remedy="try again in a while")
+        line, most = (self._to_look, LOOKS_MAX) if make is None else (self._waiting, WAITING_MAX)
+        if len(line) >= most:
+            raise Refused(RejectReason.BUSY, f"{most} requests wait for this log already", remedy="try again in a while")
         request = _Request(make, deadline, is_for_all, is_forced, needs_consent)
-        self._waiting.append(request)
+        line.append(request)
         self._wake()
         try:
             await request.done.wait()
@@ -80,8 +91,7 @@ class Asking:
     def next(self, state: State, now: float) -> Ask | None:
         """What to propose now; None if nobody asks for anything. To be called while the last one is settled."""
         self.expire(state, now)
-        while self._current is None and self._waiting:
-            request = self._waiting.popleft()
+        while self._current is None and (request := self._next_request()) is not None:
             if request.is_abandoned:
                 continue
             try:
@@ -90,21 +100,36 @@ class Asking:
             except Refused as refused:
                 request.finish(refused)
                 continue
-            self._current = request
+            self._current, self._looked_last = request, request.make is None
             request.digest = None if value is None else value.digest
             return Ask(value, request.deadline, request.is_for_all, request.is_forced, request.needs_consent)
         return None
 
+    def _next_request(self) -> _Request | None:
+        self._to_look = [request for request in self._to_look if not request.is_abandoned]
+        if self._to_look and not (self._waiting and self._looked_last):
+            self._looking, self._to_look = self._to_look, []
+            deadline = max(request.deadline for request in self._looking)
+            return _Request(None, deadline, is_for_all=False, is_forced=False, needs_consent=True)
+        return self._waiting.popleft() if self._waiting else None
+
     def expire(self, state: State, now: float) -> None:
         """Those that wait behind what is proposed are answered in time, too: however long that takes, it is not theirs."""
-        late = [request for request in self._waiting if request.deadline <= now]
-        for request in late:
-            self._waiting.remove(request)
-            request.finish(_late(request, state))
+        for line in (self._waiting, self._to_look, self._looking):
+            for request in [request for request in line if self._is_late(request, now)]:
+                line.remove(request)
+                request.finish(_late(request, state))
+
+    def _is_late(self, request: _Request, now: float) -> bool:
+        """What is proposed has the latest deadline of those whose look it is, and knows more of what became of it."""
+        return request.deadline <= now and (
+            self._current is None or request.deadline < self._current.deadline or request not in self._looking
+        )
 
     def next_late_at(self) -> float:
         """When the first of those that wait is to be answered."""
-        return min((request.deadline for request in self._waiting), default=math.inf)
+        lines = (self._waiting, self._to_look, self._looking)
+        return min((request.deadline for line in lines for request in line if self._is_late(request, math.inf)), default=math.inf)
 
     @property
     def is_proposing(self) -> bool:
@@ -120,18 +145,21 @@ class Asking:
             # Another value has this position, and this one never will: it may be asked for at the next one.
             self._waiting.appendleft(request)
             return True
-        request.finish(Answer(reply.outcome, reply.position, reply.reason, reply.by))
-        return not request.is_abandoned
+        heard, self._looking = (self._looking, []) if request.make is None else ([request], self._looking)
+        for one in heard:
+            one.finish(Answer(reply.outcome, reply.position, reply.reason, reply.by))
+        return any(not one.is_abandoned for one in heard)
 
     def end(self, position: int) -> None:
         """The log runs no more. What is proposed may still be decided."""
         self._is_over = True
-        if self._current is not None:
-            self._current.finish(Answer(Outcome.UNKNOWN, position))
-        for request in self._waiting:
+        for request in (*self._looking, *(() if self._current is None else (self._current,))):
+            request.finish(Answer(Outcome.UNKNOWN, position))
+        for request in (*self._waiting, *self._to_look):
             request.finish(_ended())
         self._current = None
         self._waiting.clear()
+        self._to_look, self._looking = [], []
 
 
 def _late(request: _Request, state: State) -> Answer | Refused:

@@ -84,7 +84,7 @@ class Log:
         self._shunned: dict[NodeId, float] = {}
         self._sync_at = world.clock.now()
         self._to_ask: set[NodeId] = set()
-        self._asked_at = float("-inf")
+        self._asked_at: dict[frozenset[NodeId], float] = {}
         self._is_restated = False
         self.taken_over = 0
         """Proposals of others that this node has begun to bring to an end."""
@@ -128,11 +128,12 @@ class Log:
         self._inbox.put(Lost(node))
 
     def catch_up(self, others: Iterable[NodeId]) -> None:
-        """There is more than is known here: these may tell it. They are asked at once, if nobody was a moment ago."""
-        now = self._world.clock.now()
-        if now - self._asked_at >= ASK_AGAIN_S:
-            self._asked_at = now
-            self._to_ask = {*others} - {self._setting.me.node}
+        """There is more than is known here: these may tell it. They are asked at once, if these were not asked together a moment ago."""
+        now, asked = self._world.clock.now(), frozenset(others) - {self._setting.me.node}
+        self._asked_at = {known: at for known, at in self._asked_at.items() if now - at < ASK_AGAIN_S}
+        if asked not in self._asked_at:
+            self._asked_at[asked] = now
+            self._to_ask |= asked
             self._inbox.wake()
 
     async def ask(

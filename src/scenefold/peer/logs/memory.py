@@ -29,7 +29,8 @@ class Memory:
         assert setting.me.incarnation == store.identity.incarnation
         self._store, self._setting, self._owner = store, setting, owner
         self._silent_until = silent_until
-        self._newest: Decided | None = None
+        self._to_write: tuple[Decided, ...] = ()
+        """The newest position as it is to be kept once the next one is decided, if that is less than it is kept with now."""
         self._known_by: tuple[Participants, bool] | None = None
 
     async def read(self, judge: Judge, position: int) -> State:
@@ -49,7 +50,7 @@ class Memory:
                 raise DamagedData("what was decided makes no sense there", where=where, remedy="see to the disk, then wipe the folder")
             judge = judge.after(decided.value)
         newest = stored.tail or await self._store.decided(genesis, position - 1, 1, 0) if position else stored.tail
-        self._newest = newest[-1] if newest else None
+        self._to_write = self._leaner(newest[-1]) if newest else ()
         return State(judge, position + len(stored.tail), stored.slot)
 
     def setting(self, state: State) -> Setting:
@@ -87,21 +88,18 @@ class Memory:
             self._owner.votes(write.value)
         decided = Decided(write.position, write.value, _lean(write))
         votes = Votes(incarnation, write.position + 1, silent_until=self._silent_until)
-        await self._store.put_decided(genesis, (*self._leaner(), decided), votes, self._owner.beside(write, after.judge))
-        self._newest = decided
+        await self._store.put_decided(genesis, (*self._to_write, decided), votes, self._owner.beside(write, after.judge))
+        self._to_write = self._leaner(decided)
 
     def _is_cast_now(self, write: Decide, before: State) -> bool:
         """Whether this node's own vote, which was never written, is what makes it decided."""
         own = (vote for vote in write.certificate.votes if vote.member == self._setting.me)
         return any(vote.ballot > before.slot.accepted_ballot for vote in own)
 
-    def _leaner(self) -> tuple[Decided, ...]:
-        """The position before, if less of its value needs to be kept now."""
-        if self._newest is None:
-            return ()
-        value = self._newest.value
-        lean = self._owner.leaner(value)
-        return () if lean.body == value.body else (self._newest._replace(value=lean),)
+    def _leaner(self, decided: Decided) -> tuple[Decided, ...]:
+        """With less of its value, if less needs to be kept later. The whole one may be megabytes, and a node may run hundreds of logs."""
+        lean = self._owner.leaner(decided.value)
+        return () if lean.body == decided.value.body else (decided._replace(value=lean),)
 
 
 def _lean(decide: Decide) -> Certificate:

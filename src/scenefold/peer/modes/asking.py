@@ -17,6 +17,7 @@ from scenefold.peer.peers import Peers
 from scenefold.peer.timing import LEASE_ASK_S_MAX, LEASE_RETRY_S, RENEW_S
 from scenefold.wire import RequestSceneLog, RespondSceneLog, Want
 from scenefold.world import Priority, World
+from scenefold.world.waking import sleep_until
 
 if TYPE_CHECKING:
     from scenefold.peer.modes.scene_modes import SceneModes
@@ -53,7 +54,7 @@ class Asking:
             lease = modes.standing.holder.held
             is_new = lease is not None and modes.standing.holder.lease(asked_at) is not None
             pause = RENEW_S if is_new else LEASE_RETRY_S
-            await clock.sleep(max(0.0, asked_at + pause - clock.now()))
+            await sleep_until(clock, asked_at + pause)
 
     async def _ask(self) -> None:
         modes, member = self._modes, self._own.member

@@ -12,6 +12,8 @@ from scenefold.peer.timing import T_WAIT_S
 LENT_FACTOR = 1.05
 """Who lent holds it for live so much longer than it lent for: rates of clocks differ by 1 % at most, and four more percent are free."""
 BORROWERS_MAX = 1_024
+PROCESSES_MAX = 64
+"""Of one key: whoever has it could make up as many as he likes, and leave no room to others."""
 
 
 class Borrower(NamedTuple):
@@ -59,4 +61,5 @@ class Lender:
 
     def has_room(self, borrower: Borrower, now: float) -> bool:
         borrowers = self.borrowers(now)
-        return borrower in borrowers or len(borrowers) < BORROWERS_MAX
+        of_key = sum(other.key == borrower.key for other in borrowers)
+        return borrower in borrowers or (len(borrowers) < BORROWERS_MAX and of_key < PROCESSES_MAX)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from types import MappingProxyType
 
 from scenefold.base.errors import DamagedData, Refused
@@ -40,7 +41,7 @@ class SceneJudge:
     """How often those who decide have changed."""
     requests: Mapping[bytes, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     """The positions of the newest requests, as far as this node has met them, in their order. Nothing is refused for them."""
-    _fitting: OrderedDict[tuple[bytes, bytes, bool], KnownScene] = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
+    _fitting: OrderedDict[bytes, KnownScene] = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
     """Of the newest values that may stand, the scene with each: a value comes again with every packet about it."""
 
     @classmethod
@@ -81,7 +82,8 @@ class SceneJudge:
 
     def check(self, value: Value, *, is_decided: bool = False) -> KnownScene:
         """The scene with this value; Refused if it may not stand."""
-        looked_at = value.data, value.body, is_decided
+        # A body may be megabytes: its digest is kept for it.
+        looked_at = value.digest + sha256(value.body).digest() + bytes([is_decided])
         known = self._fitting.get(looked_at)
         if known is None:
             known = self._fitting[looked_at] = self._checked(value, is_decided=is_decided)

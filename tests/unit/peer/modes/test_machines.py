@@ -8,7 +8,7 @@ import pytest
 
 from scenefold.base.ids import KeyId, NodeId
 from scenefold.peer.modes import Borrower, DecidedScene, Holder, Lender, Releases, Standing, Verdict, verdict
-from scenefold.peer.modes.lender import BORROWERS_MAX
+from scenefold.peer.modes.lender import BORROWERS_MAX, PROCESSES_MAX
 from scenefold.peer.timing import T_LEASE_S, T_WAIT_S
 from scenefold.wire import Ballot, Member, SceneMode, Vote
 
@@ -116,6 +116,15 @@ def test_so_many_borrow_and_no_more() -> None:
         lender = lender.lend(Borrower(KeyId(number), b""), 10.0, 0.0)
     assert lender.has_room(Borrower(KeyId(0), b""), 1.0) and not lender.has_room(CLIENT, 1.0)
     assert lender.has_room(CLIENT, 11.0)
+
+
+def test_one_key_leaves_room_to_others() -> None:
+    lender = Lender()
+    for number in range(PROCESSES_MAX):
+        assert lender.has_room(Borrower(KeyId(1), b"%d" % number), 1.0)
+        lender = lender.lend(Borrower(KeyId(1), b"%d" % number), 10.0, 0.0)
+    assert not lender.has_room(Borrower(KeyId(1), b"one more"), 1.0) and lender.has_room(Borrower(KeyId(1), b"0"), 1.0)
+    assert lender.has_room(Borrower(KeyId(2), b"one more"), 1.0)
 
 
 # --------------------------------------------------------------------------------------------------------- releases
