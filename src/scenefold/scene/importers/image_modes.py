@@ -27,7 +27,7 @@ _AS_BYTES = "RGBA"
 """Four bytes a pixel: two of grey, two of alpha."""
 
 
-def opened(content: bytes) -> ImageFile.ImageFile:
+def opened(content: bytes | memoryview) -> ImageFile.ImageFile:
     """The image, not decoded yet; ValueError if no format begins so, and whatever Pillow raises of a damaged head."""
     with warnings.catch_warnings():
         # Pillow warns of sizes beyond our own limit, which we turn into an error anyway.
@@ -39,7 +39,7 @@ def opened(content: bytes) -> ImageFile.ImageFile:
             raise ValueError(f"it is none of {', '.join(FORMATS)}") from error
 
 
-def rgba_of(image: ImageFile.ImageFile, content: bytes) -> tuple[Pixels, bool]:
+def rgba_of(image: ImageFile.ImageFile, content: bytes | memoryview) -> tuple[Pixels, bool]:
     """u8[height, width, 4], and whether the file has more than 8 bits a channel. `image` is what `opened` gave for `content`."""
     layout = _layout_of(image)
     if image.mode == "F":
@@ -69,7 +69,7 @@ def _name_of(arguments: Any) -> str:
     return first if isinstance(first, str) else ""
 
 
-def _decoded_as(content: bytes, layout: str) -> Pixels:
+def _decoded_as(content: bytes | memoryview, layout: str) -> Pixels:
     """The image, decoded as if its pixels lay otherwise."""
     image = opened(content)
     renamed: list[Any] = [tile._replace(args=(layout, *tile.args[1:]) if isinstance(tile.args, tuple) else layout) for tile in image.tile]

@@ -32,7 +32,7 @@ class EncodedImage:
     what: str
     """Words for an error, such as "the image 'wood.png'"."""
     name: str
-    content: bytes
+    content: bytes | memoryview
 
     def pixels(self) -> Pixels:
         """u8[height, width, 4]; UnreadableImage if it is no image or damaged, LocalFault if it is too large."""
