@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from scenefold.scene.importers import gltf_file
+from scenefold.base.errors import LocalFault
+from scenefold.scene.importers import gltf_file, images, read_scene
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_materials import GltfMaterials
 from scenefold.scene.importers.gltf_nodes import Names
@@ -103,3 +104,28 @@ def test_cameras_of_one_name_are_numbered_without_counting_from_the_start() -> N
     assert [names.unused(name) for name in ("eye 3", "eye", "eye", "eye", "eye 3")] == ["eye 3", "eye", "eye 2", "eye 4", "eye 3 2"]
     assert [names.unused("eye") for _ in range(1000)][-1] == "eye 1004"
     assert asked.times < 3000
+
+
+@pytest.mark.parametrize("kind", ["gltf", "obj"])
+def test_more_pixels_in_all_than_any_scene_has_are_refused_before_they_are_decoded(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[int] = []
+    real = images.rgba_of
+    monkeypatch.setattr(images, "rgba_of", lambda image, content: decoded.append(len(content)) or real(image, content))
+    monkeypatch.setattr(images, "TEXTURE_PIXELS_ALL_MAX", 3 * 15)
+    if kind == "gltf":
+        maker = Maker()
+        wearing_one_image(maker, {"bufferView": maker.view(png(size=(5, 3)))}, 4)
+        maker.node(mesh=maker.mesh())
+        path = maker.write(tmp_path)
+    else:
+        for number in range(4):
+            (tmp_path / f"{number}.png").write_bytes(png(size=(5, 3)))
+        (tmp_path / "m.mtl").write_text("".join(f"newmtl {number}\nmap_Kd {number}.png\n" for number in range(4)))
+        path = tmp_path / "a.obj"
+        path.write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(LocalFault, match="more than 45 pixels in all") as caught:
+        read_scene(path)
+    assert str(path.parent) in str(caught.value) and caught.value.remedy == "make its images smaller, or fewer"
+    assert len(decoded) == 3
