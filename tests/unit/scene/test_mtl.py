@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from scenefold.base.errors import LocalFault
-from scenefold.scene.importers import plan_import, read_scene
+from scenefold.scene.importers import mtl_maps, plan_import, read_scene
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.payloads.materials import AlphaMode, TextureUse
 from scenefold.scene.payloads.texture_uses import IDENTITY
@@ -114,6 +114,18 @@ def test_scales_and_offsets_run_from_the_lower_edge(tmp_path: Path) -> None:
     uses = dict(scene.materials[1].uses())
     assert uses["base_color"].transform == (2.0, 0.0, 0.0, 0.0, 4.0, -3.0) and uses["normal"].transform == IDENTITY
     assert part.uvs is not None and sorted(part.uvs.tolist()) == [[0, 0], [0, 1], [1, 1]]
+
+
+def test_a_file_that_many_materials_name_is_read_and_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    image(tmp_path, "heights.png", (128, 128, 128, 255))
+    statements = "map_Kd heights.png\nbump ./heights.png\n"
+    read, looked = [], []
+    real, real_looks = Path.read_bytes, mtl_maps.looks_like_normals
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read.append(path.name) or real(path))
+    monkeypatch.setattr(mtl_maps, "looks_like_normals", lambda pixels: looked.append(1) or real_looks(pixels))
+    scene = scene_of(tmp_path, statements + "".join(f"newmtl m{number}\n{statements}" for number in range(20)))
+    assert (read.count("heights.png"), len(looked), len(scene.textures)) == (1, 1, 1)
+    assert scene.not_carried == ["OBJ material maps bump (21)"]
 
 
 def test_what_is_left_behind_is_said(tmp_path: Path) -> None:

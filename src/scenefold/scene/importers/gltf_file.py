@@ -14,7 +14,7 @@ import struct
 from pathlib import Path
 from urllib.parse import unquote
 
-from scenefold.scene.importers.faults import bad_file, beside, readable_size
+from scenefold.scene.importers.faults import bad_file, beside, identity_of, readable_size
 from scenefold.scene.importers.gltf_json import JsonMap, parse_json
 
 _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
@@ -33,7 +33,7 @@ class GltfFile:
         self._views = self.json.maps("bufferViews")
         self._opened: dict[int, memoryview] = {}
         self._contents: dict[object, bytes] = {}
-        self._counted = {_identity(path)}
+        self._counted = {identity_of(path)}
         self.bytes_read = len(content)
         """Bytes of all files so far, each once: no honest mesh has more triangles."""
 
@@ -93,7 +93,7 @@ class GltfFile:
         """The same, read once and held for all that name it: a file that is mapped stays open, and there may be thousands of images."""
         uri = entry.text("uri")
         target = None if _is_data(uri) else self._target(uri, what)
-        key = uri if target is None else _identity(target)
+        key = uri if target is None else identity_of(target)
         if key not in self._contents:
             self._contents[key] = _decoded(entry, uri) if target is None else bytes(_mapped(target))
         return self._contents[key]
@@ -101,7 +101,7 @@ class GltfFile:
     def _target(self, uri: str, what: str) -> Path:
         """The file of a uri, whose bytes count from now on."""
         target = beside(self.path, unquote(uri), what)
-        size, identity = readable_size(target), _identity(target)
+        size, identity = readable_size(target), identity_of(target)
         if identity not in self._counted:
             self._counted.add(identity)
             self.bytes_read += size
@@ -138,12 +138,6 @@ def _decoded(entry: JsonMap, uri: str) -> bytes:
         return base64.b64decode(data, validate=True)
     except (binascii.Error, ValueError) as error:
         raise entry.fault(f"is no base64 data, {error}", "uri") from error
-
-
-def _identity(path: Path) -> tuple[int, int]:
-    """What a file is known by, under whichever of its names."""
-    found = path.stat()
-    return found.st_dev, found.st_ino
 
 
 def _mapped(path: Path) -> memoryview:

@@ -14,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenefold.base.limits import MATERIALS_MAX
-from scenefold.scene.importers.composed_images import ALPHA, BLUE, GREEN, ComposedImage, looks_like_normals
+from scenefold.scene.importers.composed_images import ALPHA, BLUE, GREEN, ComposedImage
 from scenefold.scene.importers.faults import bad_file, readable_size
 from scenefold.scene.importers.images import TextureList
-from scenefold.scene.importers.mtl_maps import MapStatement, read_map
+from scenefold.scene.importers.mtl_maps import Maps, MapStatement
 from scenefold.scene.importers.source import NotCarried
 from scenefold.scene.payloads.materials import AlphaMode, Material
 
@@ -48,14 +48,16 @@ def read_mtl(path: Path, textures: TextureList, left: NotCarried, used: set[str]
             current[words[0].lower()] = words[1:]
     if len(sections) >= MATERIALS_MAX:
         sections = {name: fields for name, fields in sections.items() if name in used}
-    return {name: _Section(path, name, fields, textures, left).material() for name, fields in sections.items()}
+    maps = Maps(path)
+    return {name: _Section(path, name, fields, maps, textures, left).material() for name, fields in sections.items()}
 
 
 class _Section:
     """The lines under one newmtl."""
 
-    def __init__(self, path: Path, name: str, fields: dict[str, list[str]], textures: TextureList, left: NotCarried) -> None:
+    def __init__(self, path: Path, name: str, fields: dict[str, list[str]], maps: Maps, textures: TextureList, left: NotCarried) -> None:
         self._path = path
+        self._maps = maps
         self._name = name
         self._fields = fields
         self._textures = textures
@@ -139,7 +141,7 @@ class _Section:
         shown = self._map("norm")
         for key in ("map_bump", "bump"):
             other = self._map(key)
-            if shown is None and other is not None and looks_like_normals(other.image.pixels()):
+            if shown is None and other is not None and self._maps.holds_normals(other):
                 shown = other
             elif other is not None:
                 self._left.note(f"OBJ material maps {key}")
@@ -154,7 +156,7 @@ class _Section:
     def _map(self, key: str) -> MapStatement | None:
         """The map of a key; None without one, or where its image cannot be read, which is counted."""
         words = self._fields.get(key)
-        shown = read_map(self._path, words) if words else None
+        shown = self._maps.read(words) if words else None
         return shown if shown is not None and self._textures.is_readable(shown.key, shown.image) else None
 
     def _unit(self, key: str, default: float) -> float:
