@@ -116,6 +116,32 @@ def test_scales_and_offsets_run_from_the_lower_edge(tmp_path: Path) -> None:
     assert part.uvs is not None and sorted(part.uvs.tolist()) == [[0, 0], [0, 1], [1, 1]]
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("Ks 1 0 0", "OBJ material statements ks (1)"),
+        ("Ka 0.2 0.2 0.2", "OBJ material statements ka (1)"),
+        ("Ka spectral light.rfl", "OBJ material statements ka (1)"),
+        ("illum 3", "OBJ illumination models 3, shown as 2 (1)"),
+        ("illum 0", "OBJ illumination models 0, shown as 2 (1)"),
+        ("illum 7", "OBJ illumination models 7, shown as 2 (1)"),
+        ("map_opacity a.png", "OBJ material maps map_opacity (1)"),
+        ("sharpness 60", "OBJ material statements sharpness (1)"),
+        ("refl -type sphere a.png", "OBJ material maps refl (1)"),
+        ("Kd spectral light.rfl", "OBJ colours that are not in RGB (1)"),
+        ("Ke xyz 1 1 1", "OBJ colours that are not in RGB (1)"),
+        ("x" * 1000, f"OBJ material statements {'x' * 40} (1)"),
+    ],
+)
+def test_every_statement_that_is_not_taken_over_is_said(tmp_path: Path, line: str, said: str) -> None:
+    assert scene_of(tmp_path, line + "\n").not_carried == [said]
+
+
+@pytest.mark.parametrize("lines", ["Ka 0 0.0 0.000", "illum 1", "illum 2", "illum 4\nd 0.5", "illum 9\nTr 0.5"])
+def test_what_means_nothing_or_is_taken_over_is_not_said(tmp_path: Path, lines: str) -> None:
+    assert scene_of(tmp_path, lines + "\n").not_carried == []
+
+
 def test_a_file_that_many_materials_name_is_read_and_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     image(tmp_path, "heights.png", (128, 128, 128, 255))
     statements = "map_Kd heights.png\nbump ./heights.png\n"

@@ -4,6 +4,9 @@ Kd is the base colour, Ke the emission; the exponent Ns becomes a roughness whos
 (alpha = sqrt(2 / (Ns + 2)), roughness = sqrt(alpha)); Pr, Pm, Pc and Pcr, where given, are roughness, metallic, clearcoat and
 its roughness. A dissolve below 1 is glass for the illumination models that refract (4, 6, 7, 9), else plain transparency.
 
+Ambient light (Ka) is what paths find out themselves; it is noted where it is not black, as is everything else that is not taken over: the colour
+of highlights (Ks), models that mirror without passing light, and statements that are not known here.
+
 Textures: map_Kd, map_Ke, map_Pr and map_Pm, map_d (into the base colour's alpha), norm, and bump where it holds normals.
 """
 
@@ -28,8 +31,16 @@ _EMISSION_MAX = 1e12
 _STRENGTH_MAX = 1e6
 _IOR_MAX = 100.0
 _EXPONENT_MAX = 1e6
-_MAPS_LEFT = ("map_ks", "map_ns", "map_ka", "map_ps", "map_pc", "map_pcr", "disp", "map_disp", "decal", "map_refl", "refl")
-_LEFT = ("tf", "ps", "aniso", "anisor")
+_TAKEN = frozenset({
+    "kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "pc", "pcr", "ka", "illum",
+    "map_kd", "map_ke", "map_pr", "map_pm", "map_d", "norm", "bump", "map_bump",
+})  # fmt: skip
+"""Read, or noted where their values say so."""
+_MAPS = ("map_", "disp", "decal", "refl")
+"""How statements of maps begin."""
+_SHINING = {1, 2}
+"""Illumination models of diffuse light and highlights."""
+_KEY_LETTERS_MAX = 40
 
 
 def read_mtl(path: Path, textures: TextureList, left: NotCarried, used: set[str]) -> dict[str, Material]:
@@ -64,10 +75,10 @@ class _Section:
         self._left = left
 
     def material(self) -> Material:
-        for key in _MAPS_LEFT:
-            self._left.note(f"OBJ material maps {key}", int(key in self._fields))
-        for key in _LEFT:
-            self._left.note(f"OBJ material statements {key}", int(key in self._fields))
+        for key in self._fields.keys() - _TAKEN:
+            kind = "maps" if key.startswith(_MAPS) else "statements"
+            self._left.note(f"OBJ material {kind} {key[:_KEY_LETTERS_MAX]}")
+        self._left.note("OBJ material statements ka", int(any(word.strip("0.") for word in self._fields.get("ka", ()))))
         alpha = math.sqrt(2.0 / (self._within("ns", 0.0, 0.0, _EXPONENT_MAX) + 2.0))
         surface = Material(
             name=self._name,
@@ -86,7 +97,9 @@ class _Section:
         """Base colour and what passes."""
         colour = self._colour("kd", (0.8, 0.8, 0.8))
         opacity = 1.0 - self._unit("tr", 0.0) if "d" not in self._fields else self._unit("d", 1.0)
-        refracts = opacity < 1 and int(min(max(self._number("illum", 2), 0), 99)) in _REFRACTING
+        model = int(min(max(self._number("illum", 2), 0), 99))
+        refracts = opacity < 1 and model in _REFRACTING
+        self._left.note(f"OBJ illumination models {model}, shown as 2", int(not refracts and model not in _SHINING))
         base, hole = self._map("map_kd"), self._map("map_d")
         red, green, blue = (1.0, 1.0, 1.0) if base else self._bounded(colour, 1.0)
         surface = replace(
@@ -179,6 +192,7 @@ class _Section:
     def _colour(self, key: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
         words = self._fields.get(key, [])
         if not words or words[0] in ("spectral", "xyz"):
+            self._left.note("OBJ colours that are not in RGB", len(words[:1]))
             return default
         values = [self._parsed(key, word) for word in words[:3]]
         return (values[0], values[1], values[2]) if len(values) == 3 else (values[0],) * 3
