@@ -105,7 +105,8 @@ def mean_linear(pixels: Pixels) -> tuple[float, float, float]:
     table = linear_of_codes()
     means = []
     for channel in range(3):
-        counts = np.bincount(pixels[..., channel].ravel(), minlength=256)
+        # Counted row by row: bincount makes 8 bytes of each.
+        counts = sum((np.bincount(row, minlength=256) for row in pixels[..., channel]), np.zeros(256, np.int64))
         means.append(min(float((counts * table).sum() / counts.sum()), 1.0))
     return means[0], means[1], means[2]
 
