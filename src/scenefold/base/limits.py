@@ -159,6 +159,8 @@ TEXTURE_SIDE_MAX = 16_384
 """Pixels along a texture's side; beyond it a file is more likely a decompression bomb than an image."""
 TEXTURE_PIXELS_MAX = 8_192 * 8_192
 """Pixels of one texture: 256 MiB decoded, so that one image alone stays far below 2 GiB."""
+TEXTURE_PIXELS_ALL_MAX = 512 * TEXTURE_PIXELS_MAX
+"""Pixels of all images of a file by their heads, 128 GiB decoded: their tiles would need more pages of tables than a scene has."""
 TEXTURE_TILE_SIDE = 120
 """A tile of 120 x 120 RGBA8 pixels, 57,600 bytes, fits one record."""
 ENVIRONMENT_TEXELS_MAX = 4_096 * 2_048

@@ -20,7 +20,7 @@ from scenefold.render.environment_kernels import fill_tables
 from scenefold.render.material_rows import material_rows
 from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
 from scenefold.render.setup_kernels import linear_of_srgb
-from scenefold.render.texture_levels import fill_levels, levels_of, texture_rows
+from scenefold.render.texture_levels import fill_levels, hiding_textures, levels_of, texture_rows
 from scenefold.scene.payloads.geometry import HAS_COLORS, HAS_TANGENTS, HAS_UVS2, GeometryAtom
 from scenefold.scene.payloads.light_table import NO_MATERIAL
 from scenefold.scene.payloads.tiles import TextureTile
@@ -223,11 +223,12 @@ def _normal_matrices(matrices: F64) -> F64:
 def _textures(tables: SceneTables, tiles: Mapping[int, Sequence[TextureTile]]) -> tuple[I64, U8]:
     """`SceneArrays.textures` and `texels` of the held images."""
     rows, size_bytes = texture_rows(tables, sorted(tiles))
+    hiding = hiding_textures(tables)
     texels: npt.NDArray[np.uint8] = np.zeros(size_bytes, np.uint8)
     for number in sorted(tiles):
         levels = levels_of(tables, number, rows, texels)
         for tile in tiles[number]:
             left, upper, right, lower = tables.textures[number].tile_box(tile.tile)
             levels[0][upper:lower, left:right] = tile.pixels
-        fill_levels(tables, number, levels)
+        fill_levels(tables, number, levels, by_alpha=number in hiding)
     return rows, texels

@@ -42,19 +42,17 @@ def levels_of(tables: SceneTables, number: int, rows: I64, texels: U8) -> list[U
     return found
 
 
-def fill_levels(tables: SceneTables, number: int, levels: Sequence[U8]) -> None:
-    """Make each level of an image of the one before it."""
+def fill_levels(tables: SceneTables, number: int, levels: Sequence[U8], *, by_alpha: bool) -> None:
+    """Make each level of an image of the one before it. `by_alpha`: whether it is among the `hiding_textures`."""
     values, codes = level_tables(linear_of_srgb(), tables.textures[number].srgb)
-    by_alpha = _hides(tables, number)
     for finer, coarser in pairwise(levels):
         fill_level(finer, coarser, values, codes, by_alpha)
 
 
-def _hides(tables: SceneTables, texture: int) -> bool:
-    """Whether alpha of this texture says how much is seen of its colours; of all else its alpha is a number, or nothing."""
-    return any(
-        material.alpha_mode != AlphaMode.OPAQUE
-        and material.base_color_texture is not None
-        and material.base_color_texture.texture == texture
+def hiding_textures(tables: SceneTables) -> frozenset[int]:
+    """Those whose alpha says how much is seen of their colours; of all others it is a number, or nothing."""
+    return frozenset(
+        material.base_color_texture.texture
         for material in tables.materials
+        if material.alpha_mode != AlphaMode.OPAQUE and material.base_color_texture is not None
     )

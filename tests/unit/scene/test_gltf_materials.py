@@ -131,6 +131,20 @@ def test_specular_glossiness_is_approximated_and_said(tmp_path: Path) -> None:
     assert scene.not_carried == ["glossiness textures (1)", "specular-glossiness materials, approximated (1)"]
 
 
+def test_specular_glossiness_beside_metallic_roughness_is_left_and_said(tmp_path: Path) -> None:
+    extensions = {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0, 1, 0, 1], "diffuseTexture": {"index": 0}}}
+    scene = scene_with(tmp_path, {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}, "extensions": extensions})
+    assert scene.materials[0].base_color == (1.0, 0.0, 0.0, 1.0) and not scene.materials[0].textured
+    assert scene.not_carried == ["specular-glossiness beside metallic-roughness, which was taken (1)"]
+
+
+def test_specular_glossiness_counts_where_metallic_roughness_says_nothing(tmp_path: Path) -> None:
+    extensions = {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0, 1, 0, 1]}}
+    scene = scene_with(tmp_path, {"pbrMetallicRoughness": {}, "extensions": extensions})
+    assert scene.materials[0].base_color == (0.0, 1.0, 0.0, 1.0)
+    assert scene.not_carried == ["specular-glossiness materials, approximated (1)"]
+
+
 def test_what_is_left_behind_is_said(tmp_path: Path) -> None:
     transform = {"texCoord": 2}
     scene = scene_with(

@@ -135,3 +135,11 @@ def test_a_projection_is_no_transform(maker: Maker, tmp_path: Path) -> None:
     maker.node(mesh=0, matrix=matrix.T.ravel().tolist())
     with pytest.raises(LocalFault, match="no affine transform"):
         read_scene(maker.write(tmp_path))
+
+
+def test_scenes_that_are_not_shown_are_said(maker: Maker, tmp_path: Path) -> None:
+    lost = maker.node(root=False, mesh=0)
+    maker.json["scenes"] += [{"nodes": [lost]}, {"nodes": []}]
+    found = read(maker, tmp_path)
+    assert len(found.placed_meshes) == 1
+    assert found.not_carried == ["scenes of the file that are not the one it shows (2)"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from scenefold.base.errors import LocalFault
-from scenefold.scene.importers import read_scene
-from scenefold.scene.importers.images import EncodedImage, TextureList, mean_linear
+from scenefold.scene.importers import image_modes, read_scene
+from scenefold.scene.importers.images import EncodedImage, TextureList, linear_of_codes, mean_linear
 from scenefold.scene.importers.source import NotCarried, Pixels
 from unit.scene.gltf_maker import Maker
 
@@ -63,6 +64,31 @@ def test_sixteen_bits_are_rounded(seed: int, kind: int, width: int, height: int)
     assert np.array_equal(found[..., 3], alpha)
 
 
+@pytest.mark.parametrize("kind", list(CHANNELS))
+def test_rows_are_put_together_in_order(kind: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    values = np.random.default_rng(kind).integers(0, 65_536, (7, 5, CHANNELS[kind]))
+    content = deep_png(values, kind)
+    whole = pixels_of(content)
+    for pixels in (1, 10, 11):
+        monkeypatch.setattr(image_modes, "_BLOCK_PIXELS", pixels)
+        assert np.array_equal(pixels_of(content), whole)
+
+
+@pytest.mark.parametrize("make", [*CHANNELS, "F"])
+def test_wide_numbers_never_exist_for_a_whole_image(make: Any) -> None:
+    if make == "F":
+        content = saved(Image.fromarray(np.zeros((1024, 1024), np.float32)), "TIFF")
+    else:
+        content = deep_png(np.zeros((1024, 1024, CHANNELS[make]), np.uint16), make)
+    tracemalloc.start()
+    try:
+        pixels = pixels_of(content)
+        assert pixels.shape == (1024, 1024, 4)
+        assert tracemalloc.get_traced_memory()[1] < 16 * 1024 * 1024, "the result has 4 bytes a pixel; Pillow's own images are not traced"
+    finally:
+        tracemalloc.stop()
+
+
 def test_ends_stay_ends() -> None:
     for kind, channels in CHANNELS.items():
         assert (pixels_of(deep_png(np.full((2, 2, channels), 65_535), kind)) == 255).all()
@@ -104,6 +130,18 @@ def test_floats_beyond_all_bounds_are_white_or_black() -> None:
     values = np.array([[0.0, 0.5, 1.0, 7.0, np.inf, -np.inf, np.nan, -1.0]], np.float32)
     found = pixels_of(saved(Image.fromarray(values), "TIFF"))
     assert found[0, :, 0].tolist() == [0, 128, 255, 255, 255, 0, 0, 0] and (found[..., 3] == 255).all()
+
+
+def test_a_mean_takes_no_more_room_than_a_few_rows() -> None:
+    pixels = np.random.default_rng(5).integers(0, 256, (512, 512, 4), np.uint8)
+    table = linear_of_codes()
+    expected = [float((np.bincount(pixels[..., channel].ravel(), minlength=256) * table).sum() / 512**2) for channel in range(3)]
+    tracemalloc.start()
+    try:
+        assert list(mean_linear(pixels)) == expected
+        assert tracemalloc.get_traced_memory()[1] < 256 * 1024
+    finally:
+        tracemalloc.stop()
 
 
 def test_black_and_white_means_are_exact() -> None:

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from scenefold.base.errors import LocalFault
-from scenefold.scene.importers import plan_import, read_scene
+from scenefold.scene.importers import mtl_maps, plan_import, read_scene
 from scenefold.scene.importers.source import SourceScene
 from scenefold.scene.payloads.materials import AlphaMode, TextureUse
 from scenefold.scene.payloads.texture_uses import IDENTITY
@@ -114,6 +114,44 @@ def test_scales_and_offsets_run_from_the_lower_edge(tmp_path: Path) -> None:
     uses = dict(scene.materials[1].uses())
     assert uses["base_color"].transform == (2.0, 0.0, 0.0, 0.0, 4.0, -3.0) and uses["normal"].transform == IDENTITY
     assert part.uvs is not None and sorted(part.uvs.tolist()) == [[0, 0], [0, 1], [1, 1]]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("Ks 1 0 0", "OBJ material statements ks (1)"),
+        ("Ka 0.2 0.2 0.2", "OBJ material statements ka (1)"),
+        ("Ka spectral light.rfl", "OBJ material statements ka (1)"),
+        ("illum 3", "OBJ illumination models 3, shown as 2 (1)"),
+        ("illum 0", "OBJ illumination models 0, shown as 2 (1)"),
+        ("illum 7", "OBJ illumination models 7, shown as 2 (1)"),
+        ("map_opacity a.png", "OBJ material maps map_opacity (1)"),
+        ("sharpness 60", "OBJ material statements sharpness (1)"),
+        ("refl -type sphere a.png", "OBJ material maps refl (1)"),
+        ("Kd spectral light.rfl", "OBJ colours that are not in RGB (1)"),
+        ("Ke xyz 1 1 1", "OBJ colours that are not in RGB (1)"),
+        ("x" * 1000, f"OBJ material statements {'x' * 40} (1)"),
+    ],
+)
+def test_every_statement_that_is_not_taken_over_is_said(tmp_path: Path, line: str, said: str) -> None:
+    assert scene_of(tmp_path, line + "\n").not_carried == [said]
+
+
+@pytest.mark.parametrize("lines", ["Ka 0 0.0 0.000", "illum 1", "illum 2", "illum 4\nd 0.5", "illum 9\nTr 0.5"])
+def test_what_means_nothing_or_is_taken_over_is_not_said(tmp_path: Path, lines: str) -> None:
+    assert scene_of(tmp_path, lines + "\n").not_carried == []
+
+
+def test_a_file_that_many_materials_name_is_read_and_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    image(tmp_path, "heights.png", (128, 128, 128, 255))
+    statements = "map_Kd heights.png\nbump ./heights.png\n"
+    read, looked = [], []
+    real, real_looks = Path.read_bytes, mtl_maps.looks_like_normals
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read.append(path.name) or real(path))
+    monkeypatch.setattr(mtl_maps, "looks_like_normals", lambda pixels: looked.append(1) or real_looks(pixels))
+    scene = scene_of(tmp_path, statements + "".join(f"newmtl m{number}\n{statements}" for number in range(20)))
+    assert (read.count("heights.png"), len(looked), len(scene.textures)) == (1, 1, 1)
+    assert scene.not_carried == ["OBJ material maps bump (21)"]
 
 
 def test_what_is_left_behind_is_said(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from scenefold.render.arrays import I64, U8, SceneArrays
 from scenefold.render.content import scene_arrays, textures_of_materials
 from scenefold.render.out_of_core.spill import Spill
 from scenefold.render.pool.share import LANE, SceneReader
-from scenefold.render.texture_levels import fill_levels, levels_of, texture_rows
+from scenefold.render.texture_levels import fill_levels, hiding_textures, levels_of, texture_rows
 from scenefold.scene.layout import GEOMETRY, TEXTURES
 from scenefold.scene.payloads.geometry import HAS_COLORS, HAS_TANGENTS, HAS_UVS2, GeometryAtom
 from scenefold.scene.payloads.tiles import decode_tile
@@ -33,13 +34,15 @@ async def arrays_on_disk(tables: SceneTables, reader: SceneReader, workers: Work
         await workers.run(LANE, files.append, groups, payloads)
     textures = textures_of_materials(tables, np.flatnonzero(files.worn).tolist())
     rows, size_bytes = texture_rows(tables, textures)
+    hiding = await workers.run(LANE, hiding_textures, tables)
     texels: npt.NDArray[np.uint8] = spill.zeros(np.uint8, (size_bytes,))
     for number in textures:
         tiles = tables.textures[number].tiles
         for first in range(0, len(tiles), _TILES_AT_A_TIME):
             payloads = await reader.get_many(TEXTURES, tiles[first : first + _TILES_AT_A_TIME])
             await workers.run(LANE, _fill, tables, number, first, payloads, rows, texels)
-        await workers.run(LANE, fill_levels, tables, number, levels_of(tables, number, rows, texels))
+        fill = partial(fill_levels, by_alpha=number in hiding)
+        await workers.run(LANE, fill, tables, number, levels_of(tables, number, rows, texels))
     return files.arrays()._replace(textures=rows, texels=texels)
 
 

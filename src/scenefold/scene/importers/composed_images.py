@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +25,25 @@ class ComposedImage:
     @property
     def name(self) -> str:
         """The names of all files."""
-        images = ([self.base] if self.base else []) + [image for _, image in self.parts]
-        return " + ".join(dict.fromkeys(image.name for image in images))
+        return " + ".join(dict.fromkeys(image.name for image in self._images))
 
     @property
     def what(self) -> str:
         """Words for an error."""
         return f"the texture {self.name!r}"
+
+    @property
+    def scene_file(self) -> Path:
+        """The file that names the images."""
+        return self.parts[0][1].scene_file
+
+    def pixel_count(self) -> int:
+        """Of all files together."""
+        return sum(image.pixel_count() for image in self._images)
+
+    @property
+    def _images(self) -> list[EncodedImage]:
+        return ([self.base] if self.base else []) + [image for _, image in self.parts]
 
     def pixels(self) -> Pixels:
         """u8[height, width, 4]; LocalFault if a file is no image, damaged, or too large."""

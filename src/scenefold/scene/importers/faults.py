@@ -31,6 +31,12 @@ def readable_size(path: Path) -> int:
     return size
 
 
+def identity_of(path: Path) -> tuple[int, int]:
+    """What a file is known by, under whichever of its names."""
+    found = path.stat()
+    return found.st_dev, found.st_ino
+
+
 def beside(path: Path, name: str, what: str) -> Path:
     """The file that `path` names by a relative path; LocalFault if there is none, or it is no regular file."""
     # Backslashes come from exporters on Windows.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scenefold.scene.importers.gltf_accessors import Accessors
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.gltf_materials import GltfMaterials
+from scenefold.scene.importers.gltf_vertices import Vertices
 from scenefold.scene.importers.repair import mend_colors, mend_normals, mend_tangents, mend_uvs
 from scenefold.scene.importers.source import MeshPart, NotCarried
 from scenefold.scene.payloads.materials import AlphaMode
@@ -31,22 +32,22 @@ class GltfAttributes:
         self._materials = materials
         self._left = left
 
-    def dressed(self, part: MeshPart, attributes: JsonMap) -> MeshPart:
-        """A part of bare triangles with all that its material makes use of."""
+    def dressed(self, part: MeshPart, attributes: JsonMap, vertices: Vertices) -> MeshPart:
+        """A part of bare triangles over these vertices with all that its material makes use of."""
         for name in attributes.keys():  # noqa: SIM118, a JsonMap is no dict
             if not _KNOWN.match(name):
                 self._left.note(f"the vertex attribute {name[:_NAME_LETTERS_MAX]}")
-        count, material = len(part.positions), self._materials.materials[part.material]
-        sets = [self._uvs(attributes, part.material, place, count) for place in (0, 1)]
-        normals = self._read(attributes, "NORMAL", "VEC3", count)
+        material = self._materials.materials[part.material]
+        sets = [self._uvs(attributes, part.material, place, vertices) for place in (0, 1)]
+        normals = self._read(attributes, "NORMAL", "VEC3", vertices)
         bent = material.normal_texture is not None or material.clearcoat_normal_texture is not None
         return replace(
             part,
             normals=normals,
             uvs=sets[0],
             uvs2=sets[1],
-            colors=self._colors(attributes, count),
-            tangents=self._read(attributes, "TANGENT", "VEC4", count) if bent and normals is not None else None,
+            colors=self._colors(attributes, vertices),
+            tangents=self._read(attributes, "TANGENT", "VEC4", vertices) if bent and normals is not None else None,
         )
 
     def mended(self, part: MeshPart) -> MeshPart:
@@ -58,16 +59,11 @@ class GltfAttributes:
             self._materials.let_vertices_hide(part.material)
         return part
 
-    def _read(self, attributes: JsonMap, name: str, kind: str, vertices: int) -> NDArray[np.float32] | None:
-        where = attributes.index(name, len(self._accessors), "accessor")
-        return None if where < 0 else self._matching(attributes, name, self._accessors.floats(where, kind), vertices)
+    def _read(self, attributes: JsonMap, name: str, kind: str, vertices: Vertices) -> NDArray[np.float32] | None:
+        where = self._accessors.of_vertices(attributes, name, vertices)
+        return None if where < 0 else self._accessors.floats(where, kind, vertices.rows)
 
-    def _matching(self, attributes: JsonMap, name: str, values: NDArray[np.float32], vertices: int) -> NDArray[np.float32]:
-        if len(values) != vertices:
-            raise attributes.fault(f"has {len(values)} elements, but there are {vertices} positions", name)
-        return values
-
-    def _uvs(self, attributes: JsonMap, material: int, place: int, vertices: int) -> NDArray[np.float32] | None:
+    def _uvs(self, attributes: JsonMap, material: int, place: int, vertices: Vertices) -> NDArray[np.float32] | None:
         sets = self._materials.coordinates[material]
         if place >= len(sets):
             return None
@@ -77,11 +73,11 @@ class GltfAttributes:
             return None
         return sets[place].apply(uvs)
 
-    def _colors(self, attributes: JsonMap, vertices: int) -> NDArray[np.float32] | None:
-        where = attributes.index("COLOR_0", len(self._accessors), "accessor")
+    def _colors(self, attributes: JsonMap, vertices: Vertices) -> NDArray[np.float32] | None:
+        where = self._accessors.of_vertices(attributes, "COLOR_0", vertices)
         if where < 0:
             return None
-        values = self._matching(attributes, "COLOR_0", self._accessors.shares(where, ("VEC3", "VEC4")), vertices)
+        values = self._accessors.shares(where, ("VEC3", "VEC4"), vertices.rows)
         if values.shape[1] == 4:
             return values
-        return np.concatenate([values, np.ones((vertices, 1), np.float32)], axis=1)
+        return np.concatenate([values, np.ones((len(vertices), 1), np.float32)], axis=1)

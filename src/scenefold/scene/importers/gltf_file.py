@@ -14,7 +14,7 @@ import struct
 from pathlib import Path
 from urllib.parse import unquote
 
-from scenefold.scene.importers.faults import bad_file, beside, readable_size
+from scenefold.scene.importers.faults import bad_file, beside, identity_of, readable_size
 from scenefold.scene.importers.gltf_json import JsonMap, parse_json
 
 _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
@@ -32,8 +32,10 @@ class GltfFile:
         self._buffers = self.json.maps("buffers")
         self._views = self.json.maps("bufferViews")
         self._opened: dict[int, memoryview] = {}
+        self._contents: dict[object, bytes] = {}
+        self._counted = {identity_of(path)}
         self.bytes_read = len(content)
-        """Bytes of all resources so far: no honest mesh has more triangles."""
+        """Bytes of all files so far, each once: no honest mesh has more triangles."""
 
     def _unwrap(self, content: memoryview) -> bytes:
         if len(content) < 20:
@@ -85,18 +87,25 @@ class GltfFile:
     def resource(self, entry: JsonMap, what: str) -> memoryview:
         """The bytes behind `entry.uri`: base64 within, or a file beside the glTF."""
         uri = entry.text("uri")
-        if not uri.startswith("data:"):
-            target = beside(self.path, unquote(uri), what)
-            readable_size(target)
-            self.bytes_read += target.stat().st_size
-            return _mapped(target)
-        header, comma, data = uri.partition(",")
-        if not comma or not header.endswith(";base64"):
-            raise entry.fault("is no base64 data", "uri")
-        try:
-            return memoryview(base64.b64decode(data, validate=True))
-        except (binascii.Error, ValueError) as error:
-            raise entry.fault(f"is no base64 data, {error}", "uri") from error
+        return memoryview(_decoded(entry, uri)) if _is_data(uri) else _mapped(self._target(uri, what))
+
+    def content(self, entry: JsonMap, what: str) -> bytes:
+        """The same, read once and held for all that name it: a file that is mapped stays open, and there may be thousands of images."""
+        uri = entry.text("uri")
+        target = None if _is_data(uri) else self._target(uri, what)
+        key = uri if target is None else identity_of(target)
+        if key not in self._contents:
+            self._contents[key] = _decoded(entry, uri) if target is None else bytes(_mapped(target))
+        return self._contents[key]
+
+    def _target(self, uri: str, what: str) -> Path:
+        """The file of a uri, whose bytes count from now on."""
+        target = beside(self.path, unquote(uri), what)
+        size, identity = readable_size(target), identity_of(target)
+        if identity not in self._counted:
+            self._counted.add(identity)
+            self.bytes_read += size
+        return target
 
     def view(self, number: int) -> tuple[memoryview, int]:
         """A buffer view's bytes, and its stride (0: tightly packed)."""
@@ -115,6 +124,20 @@ class GltfFile:
     @property
     def views(self) -> int:
         return len(self._views)
+
+
+def _is_data(uri: str) -> bool:
+    return uri.startswith("data:")
+
+
+def _decoded(entry: JsonMap, uri: str) -> bytes:
+    header, comma, data = uri.partition(",")
+    if not comma or not header.endswith(";base64"):
+        raise entry.fault("is no base64 data", "uri")
+    try:
+        return base64.b64decode(data, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise entry.fault(f"is no base64 data, {error}", "uri") from error
 
 
 def _mapped(path: Path) -> memoryview:

@@ -85,7 +85,10 @@ class GltfMaterials:
         found = self._core(entry) | self._light_through(entry) | self._coat(entry) | self._reflection(entry)
         slots = [*self._core_slots(entry), *self._extension_slots(entry)]
         glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
-        if glossy is not None and not entry.has("pbrMetallicRoughness"):
+        if glossy is not None and entry.inner("pbrMetallicRoughness").keys():
+            # Its author's own words in terms that we have are nearer to the original than an approximation.
+            self._left.note("specular-glossiness beside metallic-roughness, which was taken")
+        elif glossy is not None:
             found |= self._glossy(glossy)
             slots = [*(slot for slot in slots if slot[0] != "specular_color"), *self._glossy_slots(glossy)]
         readings = {}

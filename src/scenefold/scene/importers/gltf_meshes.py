@@ -12,6 +12,7 @@ from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.gltf_materials import GltfMaterials
 from scenefold.scene.importers.gltf_shapes import GltfShapes, Shape
+from scenefold.scene.importers.gltf_vertices import used_by
 from scenefold.scene.importers.repair import compact, drop_lost_triangles, used_vertices
 from scenefold.scene.importers.source import MeshPart, NotCarried
 
@@ -52,15 +53,18 @@ class GltfMeshes:
         if where < 0:
             self._left.note("primitives without positions")
             return None
-        positions = self._accessors.floats(where, "VEC3")
-        triangles = self._triangles(primitive, mode, len(positions))
-        self._count(primitive, len(triangles), shape)
+        count = self._accessors.held(where, "VEC3")
+        named = self._triangles(primitive, mode, count)
+        self._count(primitive, len(named), shape)
         material = self._materials.worn_by(primitive)
-        bare = drop_lost_triangles(MeshPart(positions, None, None, triangles, material), self._left)
-        whole = self._attributes.dressed(bare, attributes)
-        part = compact(whole)
+        vertices, triangles = used_by(named, count)
+        bare = MeshPart(self._accessors.floats(where, "VEC3", vertices.rows), None, None, triangles, material)
+        whole = drop_lost_triangles(bare, self._left)
+        if whole is not bare:
+            vertices = vertices.among(used_vertices(whole))
+        part = self._attributes.dressed(compact(whole), attributes, vertices)
         if shape.is_own:
-            part = self._shapes.shaped(part, primitive, used_vertices(whole), shape)
+            part = self._shapes.shaped(part, primitive, vertices, shape)
         # NaN fails this comparison too.
         if not (np.abs(part.positions) <= COORDINATE_ABS_MAX).all():
             raise primitive.fault("has a position that is not finite, or beyond 1e9")

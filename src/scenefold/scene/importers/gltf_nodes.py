@@ -48,6 +48,25 @@ class Placements:
     """Node -> world of every node that the scene shows, where the file has skins."""
 
 
+class Names:
+    """Names that are all different."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+        self._last: dict[str, int] = {}
+        """The highest number that a name was given, so that nobody counts up to it again."""
+
+    def unused(self, name: str) -> str:
+        """The name, or with a number behind it where it is taken already."""
+        unused, count = name, self._last.get(name, 1)
+        while unused in self._taken:
+            count += 1
+            unused = f"{name} {count}"
+        self._taken.add(unused)
+        self._last[name] = count
+        return unused
+
+
 class NodeWalk:
     """One walk over the default scene."""
 
@@ -62,7 +81,7 @@ class NodeWalk:
         self._cameras = file.json.maps("cameras")
         lights = file.json.extension("KHR_lights_punctual")
         self._lights = lights.maps("lights") if lights else []
-        self._names: set[str] = set()
+        self._names = Names()
         self._found = Placements()
 
     def walk(self) -> Placements:
@@ -88,6 +107,7 @@ class NodeWalk:
         scenes = self._json.maps("scenes")
         chosen = self._json.index("scene", len(scenes), "scene")
         if scenes:
+            self._left.note("scenes of the file that are not the one it shows", len(scenes) - 1)
             return scenes[max(chosen, 0)].indices("nodes", len(self._nodes), "node")
         # Without scenes, the file is a library of nodes: show all that are nobody's child.
         children = {child for node in self._nodes for child in node.indices("children", len(self._nodes), "node")}
@@ -127,7 +147,7 @@ class NodeWalk:
             name = node.text("name", "") or self._cameras[camera].text("name", "") or f"camera {number}"
             found = self._camera(self._cameras[camera], name, world)
             if found is not None:
-                self._found.cameras.append(replace(found, name=self._unused(name)))
+                self._found.cameras.append(replace(found, name=self._names.unused(name)))
         light = node.extension("KHR_lights_punctual")
         if light is not None:
             which = light.index("light", len(self._lights), "light")
@@ -167,15 +187,6 @@ class NodeWalk:
         if not (np.abs(copies) <= COORDINATE_ABS_MAX).all():
             raise instancing.fault("has a transform that is beyond measure")
         return list(copies)
-
-    def _unused(self, name: str) -> str:
-        """The name, or with a number behind it where it is taken already."""
-        unused, count = name, 1
-        while unused in self._names:
-            count += 1
-            unused = f"{name} {count}"
-        self._names.add(unused)
-        return unused
 
     def _camera(self, entry: JsonMap, name: str, world: Matrix) -> Camera | None:
         """None if its node leaves it nowhere to look."""

@@ -13,6 +13,7 @@ from scenefold.scene.importers.gltf_accessors import Accessors
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
 from scenefold.scene.importers.gltf_skins import GltfSkins
+from scenefold.scene.importers.gltf_vertices import Vertices
 from scenefold.scene.importers.matrices import Matrix
 from scenefold.scene.importers.source import MeshPart, NotCarried
 
@@ -53,17 +54,17 @@ class GltfShapes:
         """Whether the scene shows all joints of a skin."""
         return self._skins.joints(skin) is not None
 
-    def shaped(self, part: MeshPart, primitive: JsonMap, used: NDArray[np.bool_], shape: Shape) -> MeshPart:
-        """A part, which has the `used` (bool[nv]) vertices of its primitive in their order, in this shape; in world space under a skin."""
+    def shaped(self, part: MeshPart, primitive: JsonMap, vertices: Vertices, shape: Shape) -> MeshPart:
+        """A part, which has these vertices of its primitive in their order, in this shape; in world space under a skin."""
         if shape.weights:
-            part = morphed(part, self._targets(primitive, used, shape.weights))
+            part = morphed(part, self._targets(primitive, vertices, shape.weights))
         joints = self._skins.joints(shape.skin) if shape.skin >= 0 else None
         if joints is None:
             return part
-        influences = self._skins.influences(primitive.inner("attributes"), used, len(joints))
+        influences = self._skins.influences(primitive.inner("attributes"), vertices, len(joints))
         return skinned(part, influences, joints, self._worlds[shape.node])
 
-    def _targets(self, primitive: JsonMap, used: NDArray[np.bool_], weights: tuple[float, ...]) -> list[Target]:
+    def _targets(self, primitive: JsonMap, vertices: Vertices, weights: tuple[float, ...]) -> list[Target]:
         entries = primitive.maps("targets")
         if entries and len(entries) != len(weights):
             raise primitive.fault(f"has {len(entries)} morph targets, but {len(weights)} weights", "targets")
@@ -73,17 +74,12 @@ class GltfShapes:
                 if name not in _MORPHS:
                     self._left.note(f"the morph attribute {name[:_NAME_LETTERS_MAX]}")
             if weight != 0.0:
-                self._morphed += len(used)
+                self._morphed += len(vertices)
                 if self._morphed > _MORPHED_MAX:
                     raise primitive.fault(f"brings the file to more than {_MORPHED_MAX} morphed vertices", "targets")
-                result.append(Target(weight, *(self._deltas(entry, name, used) for name in _MORPHS)))
+                result.append(Target(weight, *(self._deltas(entry, name, vertices) for name in _MORPHS)))
         return result
 
-    def _deltas(self, target: JsonMap, name: str, used: NDArray[np.bool_]) -> NDArray[np.float32] | None:
-        where = target.index(name, len(self._accessors), "accessor")
-        if where < 0:
-            return None
-        values = self._accessors.floats(where, "VEC3")
-        if len(values) != len(used):
-            raise target.fault(f"has {len(values)} elements, but there are {len(used)} positions", name)
-        return values[used]
+    def _deltas(self, target: JsonMap, name: str, vertices: Vertices) -> NDArray[np.float32] | None:
+        where = self._accessors.of_vertices(target, name, vertices)
+        return None if where < 0 else self._accessors.floats(where, "VEC3", vertices.rows)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +12,10 @@ from scenefold.scene.importers.deforming import Influences
 from scenefold.scene.importers.gltf_accessors import Accessors
 from scenefold.scene.importers.gltf_file import GltfFile
 from scenefold.scene.importers.gltf_json import JsonMap
+from scenefold.scene.importers.gltf_vertices import Vertices
 from scenefold.scene.importers.matrices import Matrix, product
 from scenefold.scene.importers.source import NotCarried
 
-Kind = TypeVar("Kind", bound=np.generic)
 _JOINTS_MAX = 1_000_000
 """In all skins that a file's nodes wear: 128 MB of matrices."""
 _SETS_MAX = 8
@@ -63,19 +62,19 @@ class GltfSkins:
                 result[number] = product(world, inverse[number])
         return result
 
-    def influences(self, attributes: JsonMap, used: NDArray[np.bool_], joints: int) -> Influences:
-        """Of the `used` (bool[nv]) vertices of a primitive, under a skin of so many joints."""
+    def influences(self, attributes: JsonMap, vertices: Vertices, joints: int) -> Influences:
+        """Of these vertices of a primitive, under a skin of so many joints."""
         numbers: list[NDArray[np.generic]] = []
         weights: list[NDArray[np.float32]] = []
         for place in range(_SETS_MAX):
             if not (attributes.has(f"JOINTS_{place}") and attributes.has(f"WEIGHTS_{place}")):
                 break
-            joint, weight = (attributes.index(f"{name}_{place}", len(self._accessors), "accessor") for name in ("JOINTS", "WEIGHTS"))
-            numbers.append(_of_used(attributes, f"JOINTS_{place}", self._accessors.numbers(joint, "VEC4"), used))
-            weights.append(_of_used(attributes, f"WEIGHTS_{place}", self._accessors.shares(weight, ("VEC4",)), used))
+            joint, weight = (self._accessors.of_vertices(attributes, f"{name}_{place}", vertices) for name in ("JOINTS", "WEIGHTS"))
+            numbers.append(self._accessors.numbers(joint, "VEC4", vertices.rows))
+            weights.append(self._accessors.shares(weight, ("VEC4",), vertices.rows))
         if not numbers:
             self._left.note("skinned primitives without joints, which follow their node")
-            return Influences(np.zeros((int(used.sum()), 1), np.int64), np.zeros((int(used.sum()), 1)))
+            return Influences(np.zeros((len(vertices), 1), np.int64), np.zeros((len(vertices), 1)))
         which = np.concatenate(numbers, axis=1).astype(np.int64)
         given = np.concatenate(weights, axis=1)
         good = (given >= 0.0) & (given <= COORDINATE_ABS_MAX)
@@ -88,9 +87,3 @@ class GltfSkins:
         totals = firm.sum(axis=1, keepdims=True)
         self._left.note("vertices that no joint holds, which follow their node", int((totals == 0.0).sum()))
         return Influences(which, firm / np.where(totals == 0.0, 1.0, totals))
-
-
-def _of_used(attributes: JsonMap, name: str, values: NDArray[Kind], used: NDArray[np.bool_]) -> NDArray[Kind]:
-    if len(values) != len(used):
-        raise attributes.fault(f"has {len(values)} elements, but there are {len(used)} positions", name)
-    return values[used]

@@ -35,6 +35,7 @@ class GltfTextures:
         self._images = file.json.maps("images")
         self._samplers = file.json.maps("samplers")
         self._entries = file.json.maps("textures")
+        self._encoded: dict[int, EncodedImage] = {}
         self.list = TextureList(left)
 
     def reading(self, info: JsonMap, *, srgb: bool) -> Reading | None:
@@ -68,18 +69,24 @@ class GltfTextures:
         if number < 0:
             self._left.note("textures without a source that can be read")
             return None
+        if number not in self._encoded:
+            self._encoded[number] = self._read(number)
+        return number, self._encoded[number]
+
+    def _read(self, number: int) -> EncodedImage:
         image = self._images[number]
+        content: bytes | memoryview
         if image.has("uri"):
             uri = image.text("uri")
             name = image.text("name", "") or (f"image {number}" if uri.startswith("data:") else PurePosixPath(uri).name)
-            content = bytes(self._file.resource(image, "the texture"))
+            content = self._file.content(image, "the texture")
         else:
             view = image.index("bufferView", self._file.views, "buffer view")
             if view < 0:
                 raise image.fault("has neither a uri nor a buffer view")
             name = image.text("name", "") or f"image {number}"
-            content = bytes(self._file.view(view)[0])
-        return number, EncodedImage(self._file.path, f"the texture {name[:_NAME_LETTERS_MAX]!r}", name, content)
+            content = self._file.view(view)[0]
+        return EncodedImage(self._file.path, f"the texture {name[:_NAME_LETTERS_MAX]!r}", name, content)
 
     def _sampler(self, info: JsonMap) -> tuple[Wrap, Wrap, bool, Minify]:
         entry = self._entry(info)

@@ -1,13 +1,15 @@
 """Any image that Pillow opens as RGBA of 8 bits a channel, whatever its file has: greys, palettes, CMYK, 16 bits, floats.
 
 Pillow keeps of 16 bits in several channels only the higher 8. An image is decoded a second time here with the bytes of each
-number exchanged, which gives the lower 8; so numbers are rounded (v / 257) and not cut off.
+number exchanged, which gives the lower 8; so numbers are rounded (v / 257) and not cut off. Wide numbers exist for some rows at a
+time: of the whole image there are what Pillow decoded, once or twice, and the result, 4 bytes a pixel each.
 """
 
 from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -25,9 +27,10 @@ _EXCHANGED = {
 _GREY_AND_ALPHA = "LA;16B"
 _AS_BYTES = "RGBA"
 """Four bytes a pixel: two of grey, two of alpha."""
+_BLOCK_PIXELS = 1 << 16
 
 
-def opened(content: bytes) -> ImageFile.ImageFile:
+def opened(content: bytes | memoryview) -> ImageFile.ImageFile:
     """The image, not decoded yet; ValueError if no format begins so, and whatever Pillow raises of a damaged head."""
     with warnings.catch_warnings():
         # Pillow warns of sizes beyond our own limit, which we turn into an error anyway.
@@ -39,23 +42,35 @@ def opened(content: bytes) -> ImageFile.ImageFile:
             raise ValueError(f"it is none of {', '.join(FORMATS)}") from error
 
 
-def rgba_of(image: ImageFile.ImageFile, content: bytes) -> tuple[Pixels, bool]:
+def rgba_of(image: ImageFile.ImageFile, content: bytes | memoryview) -> tuple[Pixels, bool]:
     """u8[height, width, 4], and whether the file has more than 8 bits a channel. `image` is what `opened` gave for `content`."""
     layout = _layout_of(image)
+    key = image.info.get("transparency")
     if image.mode == "F":
-        return _of_grey(_of_floats(np.asarray(image))), True
+        return _by_rows(image, lambda rows: _of_grey(_of_floats(_rows(image, rows)))), True
     if image.mode.startswith("I"):
-        values = np.clip(np.asarray(image).astype(np.int64), 0, 65_535)
-        key = image.info.get("transparency")
-        return _of_grey(_rounded(values), values == key if isinstance(key, int) else None), True
+        return _by_rows(image, lambda rows: _of_deep_grey(_rows(image, rows), key)), True
     if layout == _GREY_AND_ALPHA:
         parts = _decoded_as(content, _AS_BYTES)
-        both = _rounded(_words(parts[..., 0::2], parts[..., 1::2]))
-        return np.ascontiguousarray(both[..., [0, 0, 0, 1]]), True
+        return _by_rows(image, lambda rows: _of_grey_and_alpha(_rows(parts, rows))), True
     if layout in _EXCHANGED:
-        words = _words(np.asarray(image), _decoded_as(content, _EXCHANGED[layout]))
-        return _with_alpha(_rounded(words), words, image.info.get("transparency")), True
+        lower = _decoded_as(content, _EXCHANGED[layout])
+        return _by_rows(image, lambda rows: _of_deep_colours(_words(_rows(image, rows), _rows(lower, rows)), key)), True
     return np.asarray(image.convert("RGBA")), False
+
+
+def _by_rows(image: Image.Image, block: Callable[[range], Pixels]) -> Pixels:
+    """The image out of what `block` makes of each few of its rows."""
+    pixels = np.empty((image.height, image.width, 4), np.uint8)
+    step = max(_BLOCK_PIXELS // image.width, 1)
+    for first in range(0, image.height, step):
+        rows = range(first, min(first + step, image.height))
+        pixels[first : rows.stop] = block(rows)
+    return pixels
+
+
+def _rows(image: Image.Image, rows: range) -> NDArray[Any]:
+    return np.asarray(image.crop((0, rows.start, image.width, rows.stop)))
 
 
 def _layout_of(image: ImageFile.ImageFile) -> str:
@@ -69,21 +84,21 @@ def _name_of(arguments: Any) -> str:
     return first if isinstance(first, str) else ""
 
 
-def _decoded_as(content: bytes, layout: str) -> Pixels:
+def _decoded_as(content: bytes | memoryview, layout: str) -> Image.Image:
     """The image, decoded as if its pixels lay otherwise."""
     image = opened(content)
     renamed: list[Any] = [tile._replace(args=(layout, *tile.args[1:]) if isinstance(tile.args, tuple) else layout) for tile in image.tile]
     image.tile = renamed
-    return np.asarray(image)
+    return image
 
 
-def _words(upper: Pixels, lower: Pixels) -> NDArray[np.int64]:
-    return upper.astype(np.int64) * 256 + lower
+def _words(upper: Pixels, lower: Pixels) -> NDArray[np.uint16]:
+    return upper.astype(np.uint16) * np.uint16(256) + lower
 
 
-def _rounded(words: NDArray[np.int64]) -> Pixels:
+def _rounded(words: NDArray[np.uint16]) -> Pixels:
     """u8 of 16 bits: 65,535 becomes 255."""
-    return ((words + 128) // 257).astype(np.uint8)
+    return ((words.astype(np.uint32) + np.uint32(128)) // np.uint32(257)).astype(np.uint8)
 
 
 def _of_floats(values: NDArray[Any]) -> Pixels:
@@ -99,8 +114,19 @@ def _of_grey(grey: Pixels, clear: NDArray[np.bool_] | None = None) -> Pixels:
     return np.dstack([grey, grey, grey, alpha])
 
 
-def _with_alpha(pixels: Pixels, words: NDArray[np.int64], key: Any) -> Pixels:
+def _of_deep_grey(values: NDArray[Any], key: Any) -> Pixels:
+    """RGBA of whole numbers of which 65,535 is white; `key` is the one that is clear, if it is one."""
+    words = np.clip(values, 0, 65_535).astype(np.uint16)
+    return _of_grey(_rounded(words), words == key if isinstance(key, int) else None)
+
+
+def _of_grey_and_alpha(parts: Pixels) -> Pixels:
+    return _rounded(_words(parts[..., 0::2], parts[..., 1::2]))[..., [0, 0, 0, 1]]
+
+
+def _of_deep_colours(words: NDArray[np.uint16], key: Any) -> Pixels:
     """RGBA of RGB or RGBA; `key` is the one colour that is clear, in 16 bits, if it is one."""
+    pixels = _rounded(words)
     if pixels.shape[2] == 4:
         return pixels
     alpha = np.full(pixels.shape[:2], 255, np.uint8)

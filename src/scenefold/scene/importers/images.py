@@ -5,6 +5,8 @@ Only image_modes.py knows Pillow.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -12,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from scenefold.base.errors import LocalFault
-from scenefold.base.limits import TEXTURE_PIXELS_MAX, TEXTURE_SIDE_MAX
+from scenefold.base.limits import TEXTURE_PIXELS_ALL_MAX, TEXTURE_PIXELS_MAX, TEXTURE_SIDE_MAX
 from scenefold.scene.importers.faults import bad_file
 from scenefold.scene.importers.image_modes import opened, rgba_of
 from scenefold.scene.importers.source import NotCarried, Pixels, SourceTexture
@@ -32,7 +34,7 @@ class EncodedImage:
     what: str
     """Words for an error, such as "the image 'wood.png'"."""
     name: str
-    content: bytes
+    content: bytes | memoryview
 
     def pixels(self) -> Pixels:
         """u8[height, width, 4]; UnreadableImage if it is no image or damaged, LocalFault if it is too large."""
@@ -40,8 +42,24 @@ class EncodedImage:
 
     def decoded(self) -> tuple[Pixels, bool]:
         """The pixels, and whether the file had more than 8 bits a channel."""
-        try:
+        with self._named():
             return self._decoded()
+
+    def pixel_count(self) -> int:
+        """How many pixels its head says there are; 0 where that cannot be read."""
+        try:
+            with self._named():
+                width, height = opened(self.content).size
+        except UnreadableImage:
+            return 0
+        # One that is too large is refused by itself, in its own words.
+        return min(width * height, TEXTURE_PIXELS_MAX)
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """Turns whatever decoders raise into an UnreadableImage that names this image."""
+        try:
+            yield
         except (LocalFault, MemoryError):
             raise
         except Exception as error:  # Pillow's decoders raise many kinds of errors on damaged files
@@ -66,6 +84,11 @@ class ImageSource(Protocol):
     @property
     def what(self) -> str: ...
 
+    @property
+    def scene_file(self) -> Path: ...
+
+    def pixel_count(self) -> int: ...
+
     def pixels(self) -> Pixels: ...
 
     def decoded(self) -> tuple[Pixels, bool]: ...
@@ -82,7 +105,8 @@ def mean_linear(pixels: Pixels) -> tuple[float, float, float]:
     table = linear_of_codes()
     means = []
     for channel in range(3):
-        counts = np.bincount(pixels[..., channel].ravel(), minlength=256)
+        # Counted row by row: bincount makes 8 bytes of each.
+        counts = sum((np.bincount(row, minlength=256) for row in pixels[..., channel]), np.zeros(256, np.int64))
         means.append(min(float((counts * table).sum() / counts.sum()), 1.0))
     return means[0], means[1], means[2]
 
@@ -104,6 +128,7 @@ class TextureList:
         self.textures: list[SourceTexture] = []
         self._numbers: dict[tuple[object, bool], int] = {}
         self._means: dict[int, tuple[float, float, float]] = {}
+        self._pixels = 0
 
     def is_readable(self, key: object, image: ImageSource) -> bool:
         """Whether an image can be decoded; one that cannot is counted once. A surface without it has its factors alone."""
@@ -126,6 +151,11 @@ class TextureList:
         return self._heads[key]
 
     def _checked(self, image: ImageSource) -> _Head | None:
+        # A few bytes may decode to the largest image that there may be, and many entries may name them.
+        self._pixels += image.pixel_count()
+        if self._pixels > TEXTURE_PIXELS_ALL_MAX:
+            what = f"its images have more than {TEXTURE_PIXELS_ALL_MAX} pixels in all"
+            raise bad_file(image.scene_file, what, "make its images smaller, or fewer")
         try:
             pixels, deep = image.decoded()
         except UnreadableImage:

@@ -4,6 +4,9 @@ Kd is the base colour, Ke the emission; the exponent Ns becomes a roughness whos
 (alpha = sqrt(2 / (Ns + 2)), roughness = sqrt(alpha)); Pr, Pm, Pc and Pcr, where given, are roughness, metallic, clearcoat and
 its roughness. A dissolve below 1 is glass for the illumination models that refract (4, 6, 7, 9), else plain transparency.
 
+Ambient light (Ka) is what paths find out themselves; it is noted where it is not black, as is everything else that is not taken over: the colour
+of highlights (Ks), models that mirror without passing light, and statements that are not known here.
+
 Textures: map_Kd, map_Ke, map_Pr and map_Pm, map_d (into the base colour's alpha), norm, and bump where it holds normals.
 """
 
@@ -14,10 +17,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenefold.base.limits import MATERIALS_MAX
-from scenefold.scene.importers.composed_images import ALPHA, BLUE, GREEN, ComposedImage, looks_like_normals
+from scenefold.scene.importers.composed_images import ALPHA, BLUE, GREEN, ComposedImage
 from scenefold.scene.importers.faults import bad_file, readable_size
 from scenefold.scene.importers.images import TextureList
-from scenefold.scene.importers.mtl_maps import MapStatement, read_map
+from scenefold.scene.importers.mtl_maps import Maps, MapStatement
 from scenefold.scene.importers.source import NotCarried
 from scenefold.scene.payloads.materials import AlphaMode, Material
 
@@ -28,8 +31,16 @@ _EMISSION_MAX = 1e12
 _STRENGTH_MAX = 1e6
 _IOR_MAX = 100.0
 _EXPONENT_MAX = 1e6
-_MAPS_LEFT = ("map_ks", "map_ns", "map_ka", "map_ps", "map_pc", "map_pcr", "disp", "map_disp", "decal", "map_refl", "refl")
-_LEFT = ("tf", "ps", "aniso", "anisor")
+_TAKEN = frozenset({
+    "kd", "ke", "ns", "ni", "d", "tr", "pr", "pm", "pc", "pcr", "ka", "illum",
+    "map_kd", "map_ke", "map_pr", "map_pm", "map_d", "norm", "bump", "map_bump",
+})  # fmt: skip
+"""Read, or noted where their values say so."""
+_MAPS = ("map_", "disp", "decal", "refl")
+"""How statements of maps begin."""
+_SHINING = {1, 2}
+"""Illumination models of diffuse light and highlights."""
+_KEY_LETTERS_MAX = 40
 
 
 def read_mtl(path: Path, textures: TextureList, left: NotCarried, used: set[str]) -> dict[str, Material]:
@@ -48,24 +59,26 @@ def read_mtl(path: Path, textures: TextureList, left: NotCarried, used: set[str]
             current[words[0].lower()] = words[1:]
     if len(sections) >= MATERIALS_MAX:
         sections = {name: fields for name, fields in sections.items() if name in used}
-    return {name: _Section(path, name, fields, textures, left).material() for name, fields in sections.items()}
+    maps = Maps(path)
+    return {name: _Section(path, name, fields, maps, textures, left).material() for name, fields in sections.items()}
 
 
 class _Section:
     """The lines under one newmtl."""
 
-    def __init__(self, path: Path, name: str, fields: dict[str, list[str]], textures: TextureList, left: NotCarried) -> None:
+    def __init__(self, path: Path, name: str, fields: dict[str, list[str]], maps: Maps, textures: TextureList, left: NotCarried) -> None:
         self._path = path
+        self._maps = maps
         self._name = name
         self._fields = fields
         self._textures = textures
         self._left = left
 
     def material(self) -> Material:
-        for key in _MAPS_LEFT:
-            self._left.note(f"OBJ material maps {key}", int(key in self._fields))
-        for key in _LEFT:
-            self._left.note(f"OBJ material statements {key}", int(key in self._fields))
+        for key in self._fields.keys() - _TAKEN:
+            kind = "maps" if key.startswith(_MAPS) else "statements"
+            self._left.note(f"OBJ material {kind} {key[:_KEY_LETTERS_MAX]}")
+        self._left.note("OBJ material statements ka", int(any(word.strip("0.") for word in self._fields.get("ka", ()))))
         alpha = math.sqrt(2.0 / (self._within("ns", 0.0, 0.0, _EXPONENT_MAX) + 2.0))
         surface = Material(
             name=self._name,
@@ -84,7 +97,9 @@ class _Section:
         """Base colour and what passes."""
         colour = self._colour("kd", (0.8, 0.8, 0.8))
         opacity = 1.0 - self._unit("tr", 0.0) if "d" not in self._fields else self._unit("d", 1.0)
-        refracts = opacity < 1 and int(min(max(self._number("illum", 2), 0), 99)) in _REFRACTING
+        model = int(min(max(self._number("illum", 2), 0), 99))
+        refracts = opacity < 1 and model in _REFRACTING
+        self._left.note(f"OBJ illumination models {model}, shown as 2", int(not refracts and model not in _SHINING))
         base, hole = self._map("map_kd"), self._map("map_d")
         red, green, blue = (1.0, 1.0, 1.0) if base else self._bounded(colour, 1.0)
         surface = replace(
@@ -139,7 +154,7 @@ class _Section:
         shown = self._map("norm")
         for key in ("map_bump", "bump"):
             other = self._map(key)
-            if shown is None and other is not None and looks_like_normals(other.image.pixels()):
+            if shown is None and other is not None and self._maps.holds_normals(other):
                 shown = other
             elif other is not None:
                 self._left.note(f"OBJ material maps {key}")
@@ -154,7 +169,7 @@ class _Section:
     def _map(self, key: str) -> MapStatement | None:
         """The map of a key; None without one, or where its image cannot be read, which is counted."""
         words = self._fields.get(key)
-        shown = read_map(self._path, words) if words else None
+        shown = self._maps.read(words) if words else None
         return shown if shown is not None and self._textures.is_readable(shown.key, shown.image) else None
 
     def _unit(self, key: str, default: float) -> float:
@@ -177,6 +192,7 @@ class _Section:
     def _colour(self, key: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
         words = self._fields.get(key, [])
         if not words or words[0] in ("spectral", "xyz"):
+            self._left.note("OBJ colours that are not in RGB", len(words[:1]))
             return default
         values = [self._parsed(key, word) for word in words[:3]]
         return (values[0], values[1], values[2]) if len(values) == 3 else (values[0],) * 3

@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from scenefold.base.limits import TEXTURE_PIXELS_MAX, TEXTURE_SIDE_MAX
 from scenefold.scene.importers.faults import bad_file
+from scenefold.scene.importers.source import NotCarried
 
 _HEADER_BYTES_MAX = 1 << 16
 _RUN_WIDTHS = range(8, 32768)
 """Rows of other widths are never in run lengths."""
 
 
-def read_hdr(path: Path) -> NDArray[np.float32]:
+def read_hdr(path: Path, _left: NotCarried) -> NDArray[np.float32]:
     """Linear radiance f32[height, width, 3], row 0 on top; LocalFault if the file is none."""
     content = path.read_bytes()
     match = re.match(rb"#\?[^\n]*\n((?:[^\n]*\n)*?)\n-Y (\d{1,6}) \+X (\d{1,6})\n", content[:_HEADER_BYTES_MAX])
@@ -38,19 +39,21 @@ def read_hdr(path: Path) -> NDArray[np.float32]:
     height, width = int(match[2]), int(match[3])
     if not (0 < width <= TEXTURE_SIDE_MAX and 0 < height <= TEXTURE_SIDE_MAX and width * height <= TEXTURE_PIXELS_MAX):
         raise bad_file(path, f"the Radiance picture has {width} x {height} pixels", "make it smaller")
-    pixels = np.empty((height, width, 4), np.uint8)
-    at = match.end()
-    try:
-        for row in range(height):
-            at = _read_row(content, at, pixels[row])
-    except (IndexError, ValueError) as error:
-        raise bad_file(path, f"the Radiance picture is damaged or cut short, in row {row}") from error
     exposure = 1.0
     for said in re.findall(rb"^EXPOSURE=\s*([0-9.eE+-]+)\s*$", match[1], re.MULTILINE):
         exposure *= _exposure(path, said)
-    scale = np.ldexp(1.0, pixels[:, :, 3].astype(np.int32) - 136) / exposure
-    scale[pixels[:, :, 3] == 0] = 0.0
-    return (pixels[:, :, :3] * scale[:, :, None]).astype(np.float32)
+    scales = np.ldexp(1.0, np.arange(256) - 136) / exposure
+    scales[0] = 0.0
+    radiance = np.empty((height, width, 3), np.float32)
+    pixels = np.empty((width, 4), np.uint8)
+    at = match.end()
+    try:
+        for row in range(height):
+            at = _read_row(content, at, pixels)
+            radiance[row] = pixels[:, :3] * scales[pixels[:, 3], None]
+    except (IndexError, ValueError) as error:
+        raise bad_file(path, f"the Radiance picture is damaged or cut short, in row {row}") from error
+    return radiance
 
 
 def _exposure(path: Path, said: bytes) -> float:
