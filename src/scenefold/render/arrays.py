@@ -203,6 +203,8 @@ class SceneArrays(NamedTuple):
     """[emitters, 3, 2]: where the corners read it, before the use's transform."""
     has_emitter_maps: bool
     """Whether an emitter of the scene has one: all nodes hold these textures."""
+    emitter_reach: F32
+    """[emitters]: how far each reaches, in the world, as `surface_kernels.reach_at` has it of a hit: what the end of a shadow ray is held off by."""
 
 
 class JobNumbers(NamedTuple):

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scenefold.base.rays import T_DONE_STEPS
 from scenefold.partition import Partition
 from scenefold.render.arrays import F32, F64, I64, U8, MaterialColumn, SceneArrays
+from scenefold.render.emitter_reach import emitter_reach
 from scenefold.render.environment_kernels import fill_tables
 from scenefold.render.material_rows import material_rows
 from scenefold.render.numbers import diagonal_of, job_box, punctual_rows
@@ -140,6 +141,7 @@ def scene_arrays(
         emitter_emissive=emitter_emissive,
         emitter_uvs=emitter_uvs,
         has_emitter_maps=has_emitter_maps,
+        emitter_reach=emitter_reach(tables, matrices),
     )
 
 

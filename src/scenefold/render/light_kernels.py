@@ -18,7 +18,7 @@ from scenefold.render.dice_kernels import PAIR_LIGHT, PAIR_LIGHT_POINT, column_o
 from scenefold.render.environment_kernels import environment_at, sample_environment
 from scenefold.render.lane_values_kernels import alike, any_lane, gather, opposite, real_of_whole, select
 from scenefold.render.math_kernels import INVERSE_PI, decode_direction, sine_cosine_of_turns
-from scenefold.render.space_kernels import box_span, longest_side, offset_origin
+from scenefold.render.space_kernels import box_span, offset_origin
 from scenefold.render.surface_kernels import texture_of_uses
 
 _KIND, _POSITION, _DIRECTION, _COLOR = LightColumn.KIND, LightColumn.POSITION, LightColumn.DIRECTION, LightColumn.COLOR
@@ -200,7 +200,7 @@ def _sample_emitter(scene, job, alias, u, v, px, py, pz, scratch):  # type: igno
             g = select(mapped, tg * gather(emissive, (index, 1)), g)
             b = select(mapped, tb * gather(emissive, (index, 2)), b)
     # The end point lies a little in front of the emitter, so that the emitter does not shadow itself.
-    sx, sy, sz = offset_origin(ex, ey, ez, nx, ny, nz, longest_side(e1x, e1y, e1z, e2x, e2y, e2z))
+    sx, sy, sz = offset_origin(ex, ey, ez, nx, ny, nz, gather(scene.emitter_reach, (index,)))
     return found, wx, wy, wz, sx, sy, sz, r / pdf, g / pdf, b / pdf, pdf
 
 

@@ -93,6 +93,7 @@ def lit_scene() -> SceneArrays:
         emitter_emissive=np.zeros((1, 3), np.float32),
         emitter_uvs=np.zeros((1, 3, 2), np.float32),
         has_emitter_maps=False,
+        emitter_reach=np.abs(CORNERS[:, 1:] - CORNERS[:, :1]).max(axis=(1, 2)),
     )
 
 

@@ -10,8 +10,8 @@ from scenefold.render.arrays import F64
 from scenefold.render.contract import Renderer
 from scenefold.render.kit.expecting import expect, expect_mean
 from scenefold.render.kit.gltf import fresnel, value
-from scenefold.render.kit.rig import Rig
-from scenefold.render.kit.shapes import Mesh, grid, looking, scene
+from scenefold.render.kit.rig import Rendered, Rig
+from scenefold.render.kit.shapes import Mesh, grid, looking, moved, scene
 from scenefold.scene.payloads.materials import Material
 from scenefold.scene.payloads.punctual import PunctualLight
 
@@ -24,6 +24,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 _EYE = looking((0, 0.3, 0), (0, 0, 0), kind="orthographic", ymag=HALF)
 _FLOOR: Mesh = [grid((-1, 0, 1), (2, 0, 0), (0, 0, -2), 6, 0)]
 _FLOOR_MATERIAL = Material(base_color=(0.5, 0.6, 0.7, 1.0), roughness=ROUGHNESS)
+_GLOWING = Material(base_color=(0.0, 0.0, 0.0, 1.0), emissive=(5.0, 4.0, 3.0))
 
 
 def _view(count: int) -> F64:
@@ -78,23 +79,35 @@ def a_sun(renderer: Renderer) -> None:
 
 def a_glowing_rectangle(renderer: Renderer) -> None:
     """An area light that shines down, in front alone: the integral over all pairs of points."""
-    radiance = np.array([5.0, 4.0, 3.0])
-    lamp = Material(base_color=(0.0, 0.0, 0.0, 1.0), emissive=(5.0, 4.0, 3.0))
     for facing in (True, False):
         one, other = ((0.8, 0, 0), (0, 0, 0.6)) if facing else ((0, 0, 0.6), (0.8, 0, 0))
-        source = scene([_FLOOR, [grid((-0.3, 0.6, -0.3), one, other, 1, 1)]], [_FLOOR_MATERIAL, lamp], [_EYE])
+        source = scene([_FLOOR, [grid((-0.3, 0.6, -0.3), one, other, 1, 1)]], [_FLOOR_MATERIAL, _GLOWING], [_EYE])
         image = Rig(source, renderer, 12).render(width=12, height=12, samples=900, depth=2)
-        if not facing:
+        if facing:
+            _expect_light_of_rectangle(image, "a glowing rectangle above a floor")
+        else:
             expect(not image.beauty.any(), "a rectangle whose back is turned to the floor lights it")
-            continue
-        steps = (np.arange(48) + 0.5) / 48
-        s, t = (axis.ravel() for axis in np.meshgrid(steps, steps))
-        points = np.stack([-0.3 + 0.8 * s, np.full_like(s, 0.6), -0.3 + 0.6 * t], axis=1)
-        wi, squared = _towards(_view(24)[:, None, :], points[None, :, :])
-        geometry = wi[..., 2] ** 2 / squared * (0.8 * 0.6 / len(points))
-        light = value(FLOOR, 0.0, ROUGHNESS, np.broadcast_to(_UP, wi.shape), wi) * geometry[..., None]
-        expected = light.sum(axis=1).mean(axis=0) * radiance
-        expect_mean(image, expected * (1 - TOLERANCE), expected * (1 + TOLERANCE), "a glowing rectangle above a floor")
+
+
+def instances_of_a_far_rectangle(renderer: Renderer) -> None:
+    """The same one, made far away from where it is placed, and once more where it hardly counts: the caster carries rays to where it was made."""
+    for away in (10.0, 3_000.0):
+        rectangle = [grid((-0.3 - away, 0.6 + away, -0.3), (0.8, 0, 0), (0, 0, 0.6), 1, 1)]
+        placed = [(0, moved(0, 0, 0)), (1, moved(away, -away, 0)), (1, moved(away + 30, -away, 0))]
+        source = scene([_FLOOR, rectangle], [_FLOOR_MATERIAL, _GLOWING], [_EYE], placed=placed)
+        image = Rig(source, renderer, 12).render(width=12, height=12, samples=900, depth=2)
+        _expect_light_of_rectangle(image, f"an instance of a glowing rectangle, made {away:g} away")
+
+
+def _expect_light_of_rectangle(image: Rendered, what: str) -> None:
+    steps = (np.arange(48) + 0.5) / 48
+    s, t = (axis.ravel() for axis in np.meshgrid(steps, steps))
+    points = np.stack([-0.3 + 0.8 * s, np.full_like(s, 0.6), -0.3 + 0.6 * t], axis=1)
+    wi, squared = _towards(_view(24)[:, None, :], points[None, :, :])
+    geometry = wi[..., 2] ** 2 / squared * (0.8 * 0.6 / len(points))
+    light = value(FLOOR, 0.0, ROUGHNESS, np.broadcast_to(_UP, wi.shape), wi) * geometry[..., None]
+    expected = light.sum(axis=1).mean(axis=0) * np.array(_GLOWING.emissive)
+    expect_mean(image, expected * (1 - TOLERANCE), expected * (1 + TOLERANCE), what)
 
 
 def a_mirror(renderer: Renderer) -> None:
@@ -130,6 +143,7 @@ STATISTICAL = {
     "spots": spots,
     "a sun": a_sun,
     "a glowing rectangle": a_glowing_rectangle,
+    "instances of a rectangle made far away": instances_of_a_far_rectangle,
     "a mirror": a_mirror,
     "what shines is seen": what_shines_is_seen,
 }

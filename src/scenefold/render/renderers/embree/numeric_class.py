@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from scenefold.render.renderers.embree.library import ISA, Device
 
-ARITHMETIC: Final = 6
+ARITHMETIC: Final = 7
 """Of our own kernels: one more whenever a change of theirs changes the bits of an image."""
 
 _TRIANGLES, _RAYS = 128, 2048
