@@ -52,11 +52,13 @@ def _squares(rows: FilmRows, target: float, least: float) -> tuple[F64, F64]:
 
 def _mean_light(film: Film) -> float:
     """Of all pixels and channels, weighed by their samples: one division of whole numbers, in any order the same."""
-    rows = film.rows
-    low = rows.low.astype(np.uint64)
-    upper, lower = int((low >> np.uint64(32)).sum(dtype=np.uint64)), int((low & np.uint64(0xFFFFFFFF)).sum(dtype=np.uint64))
-    total = (int(rows.high.sum(dtype=np.int64)) << 64) + (upper << 32) + lower
-    samples = int(rows.samples.sum(dtype=np.int64))
+    total = samples = 0
+    for first in range(0, len(film.rows.words), _ROWS_AT_A_TIME):
+        rows = film.rows.part(first, first + _ROWS_AT_A_TIME)
+        low = rows.low.astype(np.uint64)
+        upper, lower = int((low >> np.uint64(32)).sum(dtype=np.uint64)), int((low & np.uint64(0xFFFFFFFF)).sum(dtype=np.uint64))
+        total += (int(rows.high.sum(dtype=np.int64)) << 64) + (upper << 32) + lower
+        samples += int(rows.samples.sum(dtype=np.int64))
     return total / (3 * max(samples, 1)) / RADIANCE_UNIT
 
 

@@ -172,3 +172,20 @@ def test_a_scene_has_its_map_or_is_as_it_always_was() -> None:
     payload = encode_document(plain.document())
     assert b"environment" not in payload
     assert decode_document(payload).pages["environment"] == () and decode_document(payload).counts["environment"] == 0
+
+
+@pytest.mark.parametrize("glare", [1e12, 1e30])
+def test_a_texel_that_is_no_light_at_all_leaves_the_others_as_they_are(glare: float) -> None:
+    radiance = np.full((8, 16, 3), 0.5, np.float32)
+    radiance[3, 5] = (glare, glare / 2, 0.0)
+    map_, left = environment_of(radiance.copy())
+    assert left == ["texels of the environment map over 6.71089e+07 times as bright as the middle one, taken for as bright as that (1)"]
+    texels = map_.texels.astype(np.float64).reshape(8, 16, 3) * 2.0**map_.exponent
+    others = np.ones((8, 16), bool)
+    others[3, 5] = False
+    assert (texels[others] == 0.5).all(), "to the last bit"
+    assert texels[3, 5] == pytest.approx((2.0**25, 2.0**24, 0.0), rel=1e-3)
+    # A sun is no such texel.
+    radiance[3, 5] = 3e7
+    map_, left = environment_of(radiance)
+    assert left == [] and map_.texels.astype(np.float64).reshape(8, 16, 3)[3, 5, 0] * 2.0**map_.exponent == pytest.approx(3e7, rel=1e-3)

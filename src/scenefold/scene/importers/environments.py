@@ -23,6 +23,8 @@ from scenefold.scene.payloads.environment import Environment
 
 F32 = NDArray[np.float32]
 _HALF_MAX = 65504.0
+_RANGE = 2.0**26
+"""The brightest texel over the middle one: at most so much, and the middle one keeps all the bits of a half."""
 _ROWS = 64
 """At a time; an even number."""
 
@@ -45,6 +47,9 @@ def environment_of(radiance: F32, left: NotCarried | None = None) -> tuple[Envir
     while radiance.shape[0] * radiance.shape[1] > ENVIRONMENT_TEXELS_MAX:
         left.note("halvings of the environment map's sides, which was too large")
         radiance = _halved(radiance)
+    left.note(
+        f"texels of the environment map over {_RANGE:g} times as bright as the middle one, taken for as bright as that", _dimmed(radiance)
+    )
     brightest = float(radiance.max())
     exponent = max(0, math.ceil(math.log2(brightest / _HALF_MAX))) if brightest > _HALF_MAX else 0
     texels = (radiance.astype(np.float64) * 2.0**-exponent).astype(np.float16).reshape(-1, 3)
@@ -62,6 +67,18 @@ def _without_what_is_no_light(radiance: F32) -> int:
             rows[dark] = 0.0
             count += int(dark.sum())
     return count
+
+
+def _dimmed(radiance: F32) -> int:
+    """Makes texels no brighter than a map can hold beside its middle ones, and says how many there were: all of a map has one exponent, and a
+    single texel that is no light at all would leave nothing of the others."""
+    brightness = radiance.max(axis=2)
+    if not (lit := brightness[brightness > 0.0]).size:
+        return 0
+    most = float(np.median(lit)) * _RANGE
+    over = brightness > most
+    radiance[over] *= (most / brightness[over].astype(np.float64)).astype(np.float32)[:, None]
+    return int(over.sum())
 
 
 def _halved(radiance: F32) -> F32:
