@@ -164,7 +164,8 @@ def _on_their_way(node: NodeState, copies: CopiesReport, around: Surroundings) -
     if copies.comparing.records:
         yield mending("comparing", f"{copies.comparing.records:,} records that it took over are being compared with their copies", silent)
     if copies.owed > copies.owed_to_silent:
-        yield mending("pending", f"{copies.owed - copies.owed_to_silent:,} copies are on their way")
+        full = f"what is to come to {some_text(copies.full_owed)} has no room there: {MAKE_ROOM}" if copies.full_owed else ""
+        yield mending("pending", f"{copies.owed - copies.owed_to_silent:,} copies are on their way", full)
     if copies.unsettled:
         keeps = too_few.format(address) if address in around.refusing else silent
         yield mending("unsettled", f"{copies.unsettled:,} records wait until enough nodes have them", keeps)

@@ -133,6 +133,8 @@ class CopiesReport:
     repair: RepairReport
     full: tuple[str, ...] = ()
     """Nodes that had no room for copies of what it owns."""
+    full_owed: tuple[str, ...] = ()
+    """Those of them that answer and are owed records."""
     lost: tuple[LossReport, ...] = ()
     named_most: tuple[tuple[str, int], ...] = ()
     """Nodes, by address, that name so many pieces that what it took over cannot be recovered; and how many."""
@@ -208,6 +210,7 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         unrecovered_share=told_amount(found["unrecovered"]["share"]),
         shortages=tuple(map(_shortage, shortages)),
         full=tuple(map(told_address, full)),
+        full_owed=tuple(told_address(node["address"]) for node in owed["nodes"] if node["alive"] and node["address"] in full),
         lost=tuple(map(_loss, lost)),
         named_most=tuple((told_address(named["address"]), told_count(named["pieces"])) for named in named_most),
         by_copies=tuple(map(_of, by_copies)) if "by_copies" in found else (_of_all(found),),
