@@ -11,17 +11,18 @@ What nobody can be asked for is left as it is, and not read again: it is known t
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import Enum
 from functools import partial
-from itertools import islice
+from itertools import accumulate, islice
 
 import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, SpaceId
-from scenefold.base.location import Arc
+from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordHeader, RecordPlace, version_of
@@ -120,7 +121,8 @@ class Healing:
         """Likewise of any wreck that was met in these arcs."""
         tried = [spot for spot in self._tries if spot.place[:2] == (scene, space)]
         known = dict.fromkeys((*tried, *self._parts.store.noticed.within(scene, space)))
-        met = [spot for spot in known if any(spot.home in arc for arc in arcs)]
+        inside = _inside(arcs)
+        met = [spot for spot in known if inside(spot.home)]
         headers = await self._parts.store.record_headers(met)
         is_awaited = False
         for spot in [spot for spot, header in zip(met, headers, strict=True) if header is None]:
@@ -331,6 +333,18 @@ class Healing:
                 if not parts.keeper.holding.owns(spot.home):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
                 _require_room(await self._merge([put]))
+
+
+def _inside(arcs: Sequence[Arc]) -> Callable[[Location], bool]:
+    """Whether a place lies in any of these: of many wrecks and many arcs not each is held against each."""
+    ordered = sorted(arcs, key=lambda arc: arc.first)
+    firsts, lasts = [arc.first for arc in ordered], list(accumulate((arc.last for arc in ordered), max))
+
+    def is_inside(home: Location) -> bool:
+        behind = bisect_right(firsts, home)
+        return behind > 0 and home <= lasts[behind - 1]
+
+    return is_inside
 
 
 def _newest(offers: Sequence[Offer]) -> list[Offer]:

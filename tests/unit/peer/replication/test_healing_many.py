@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import hypothesis.strategies as st
 import pytest
 import trio
+from hypothesis import given, settings
 
 from scenefold.base.errors import DamagedData
-from scenefold.base.location import Location
+from scenefold.base.location import Arc, Location
 from scenefold.crypto import Record
 from scenefold.peer.replication import healing
 from scenefold.store import noticing
@@ -19,7 +21,7 @@ from unit.peer.replication.test_healing import HEADER_BYTE, LAST_BYTE, filled, u
 from unit.peer.replication.test_husks import forbid
 from unit.peer.replication.test_placing import until
 
-pytestmark = pytest.mark.expect_log("damaged|rotten|changed")
+SAID = pytest.mark.expect_log("damaged|rotten|changed")
 
 
 async def met(home: Home, spots: Sequence[Location]) -> list[Record | DamagedData | None]:
@@ -27,6 +29,7 @@ async def met(home: Home, spots: Sequence[Location]) -> list[Record | DamagedDat
     return await home.store.read([home.spot(place) for place in spots])
 
 
+@SAID
 def test_what_is_met_while_many_others_are_asked_for_is_asked_for_after_these(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(healing, "QUEUE_MAX", 2)
 
@@ -46,6 +49,7 @@ def test_what_is_met_while_many_others_are_asked_for_is_asked_for_after_these(mo
     played(main, seed=11)
 
 
+@SAID
 def test_a_wreck_that_nobody_is_asked_about_yet_holds_up_a_comparison(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(healing, "QUEUE_MAX", 0)
 
@@ -65,6 +69,15 @@ def test_a_wreck_that_nobody_is_asked_about_yet_holds_up_a_comparison(monkeypatc
     played(main, seed=12)
 
 
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 40), st.integers(0, 9)), max_size=6), st.integers(0, 50))
+def test_a_place_lies_in_any_of_many_arcs(pieces: list[tuple[int, int]], place: int) -> None:
+    arcs = [Arc(Location.from_number(first), Location.from_number(first + length)) for first, length in pieces]
+    home = Location.from_number(place)
+    assert healing._inside(arcs)(home) == any(home in arc for arc in arcs)
+
+
+@SAID
 def test_what_rotted_past_knowing_and_cannot_even_be_remembered_counts_as_copied_to_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
         first = terrace.homes[0]
