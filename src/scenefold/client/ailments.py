@@ -35,6 +35,7 @@ class Ailment:
 
 
 MAKE_ROOM = "free its disk, give it more (node run --capacity), or add a node"
+_REPLACE_DISK = "replace its disk: drain it, or take it off the line once all others answer; else look at the disk (scenectl node verify) and start it anew"
 _WAIT = "wait: what is missing is copied"
 _RESTS = frozenset({"under-copied", "mis-placed", "comparing", "placing", "forbidden"})
 """What nobody mends while repair is paused."""
@@ -67,7 +68,7 @@ def _found(node: NodeState, around: Surroundings) -> Iterable[Ailment]:
     if copies.full:
         text = f"{address}: {some_text(copies.full)} had no room for copies of what it owns; others hold them, as far as there are any"
         yield Ailment("no room", address, text, MAKE_ROOM, degrades=False)
-    if copies.rotten:
+    if copies.rotten or copies.rotten_more:
         yield _rotten(copies, address)
     if copies.unrecovered:
         yield _unrecovered(copies, address, around)
@@ -141,6 +142,10 @@ def _rotten(copies: CopiesReport, address: str) -> Ailment:
     healing = copies.rotten - copies.unhealed
     counts = [f"{healing:,} are being fetched from others"] if healing else []
     counts += [f"{copies.unhealed:,} could not be had from others, at the last try"] if copies.unhealed else []
+    if copies.rotten_more:
+        known = f"; of those that it knows {', '.join(counts)}" if counts else ""
+        text = f"{address}: more records have rotted on its disk than it can remember, so it is not known how many are not healed{known}"
+        return Ailment("rotten", address, text, _REPLACE_DISK)
     text = f"{address}: {copies.rotten:,} records have rotted on its disk: {', '.join(counts)}"
     anew = "write what is lost anew, or restore it; then look at the disk: scenectl node verify"
     return Ailment("rotten", address, text, anew if copies.unhealed else "wait; then look at its disk", mends_itself=not copies.unhealed)
@@ -164,7 +169,8 @@ def _on_their_way(node: NodeState, copies: CopiesReport, around: Surroundings) -
     if copies.comparing.records:
         yield mending("comparing", f"{copies.comparing.records:,} records that it took over are being compared with their copies", silent)
     if copies.owed > copies.owed_to_silent:
-        yield mending("pending", f"{copies.owed - copies.owed_to_silent:,} copies are on their way")
+        full = f"what is to come to {some_text(copies.full_owed)} has no room there: {MAKE_ROOM}" if copies.full_owed else ""
+        yield mending("pending", f"{copies.owed - copies.owed_to_silent:,} copies are on their way", full)
     if copies.unsettled:
         keeps = too_few.format(address) if address in around.refusing else silent
         yield mending("unsettled", f"{copies.unsettled:,} records wait until enough nodes have them", keeps)

@@ -120,7 +120,7 @@ class CopiesReport:
     forbidden_on: tuple[str, ...]
     comparing: Part
     rotten: int
-    """Records that have rotted on its disk and are not healed: they wait for that, or it was given up."""
+    """Records that have rotted on its disk and are not healed, as far as it knows: they wait for that, or it was given up."""
     unhealed: int
     """Those of them that are given up, or that nobody else has."""
     healed: int
@@ -131,8 +131,12 @@ class CopiesReport:
     unrecovered_share: float
     shortages: tuple[ShortageReport, ...]
     repair: RepairReport
+    rotten_more: bool = False
+    """Whether more have rotted since its start than it can remember: nobody knows how many of these are healed."""
     full: tuple[str, ...] = ()
     """Nodes that had no room for copies of what it owns."""
+    full_owed: tuple[str, ...] = ()
+    """Those of them that answer and are owed records."""
     lost: tuple[LossReport, ...] = ()
     named_most: tuple[tuple[str, int], ...] = ()
     """Nodes, by address, that name so many pieces that what it took over cannot be recovered; and how many."""
@@ -164,6 +168,7 @@ class CopiesReport:
             "forbidden": self.forbidden.records,
             "comparing": self.comparing.records,
             "rotten": self.rotten,
+            "rotten_more": self.rotten_more,
             "unhealed": self.unhealed,
             "healed": self.healed,
             "unsettled": self.unsettled,
@@ -207,7 +212,9 @@ def read_copies(found: Mapping[str, Any] | None) -> CopiesReport | None:
         unrecovered=told_count(found["unrecovered"]["pieces"]),
         unrecovered_share=told_amount(found["unrecovered"]["share"]),
         shortages=tuple(map(_shortage, shortages)),
+        rotten_more=bool(rotten.get("more", False)),
         full=tuple(map(told_address, full)),
+        full_owed=tuple(told_address(node["address"]) for node in owed["nodes"] if node["alive"] and node["address"] in full),
         lost=tuple(map(_loss, lost)),
         named_most=tuple((told_address(named["address"]), told_count(named["pieces"])) for named in named_most),
         by_copies=tuple(map(_of, by_copies)) if "by_copies" in found else (_of_all(found),),

@@ -21,6 +21,11 @@ class ReserveLeft(NamedTuple):
     """Bytes for what takes the place of something, and is larger: as deletions may be."""
     for_holding: int
     """Bytes for copies that are held for others. Fewer, so that these never leave a deletion without."""
+    for_merging: int
+    """Bytes for copies that this node recovers, brings home or compares. Fewer than for deletions as well, and more than for what is held."""
+
+
+NOTHING_LEFT = ReserveLeft(0, 0, 0)
 
 
 class Change(Protocol[R_co]):

@@ -55,8 +55,7 @@ class ComparingStore(OpenedStore):
 
     def _notice(self, wrecks: Iterable[Spot]) -> None:
         for spot in wrecks:
-            if not self.noticed.is_rotten(spot):
-                self.noticed.read(spot, "its header has changed on the disk")
+            self.noticed.wreck(spot)
 
     async def held(self, arc: Arc, after: bytes, limit: int) -> HeldPage:
         """The first `limit` >= 1 records of all spaces with their homes in the arc, behind the cursor `after` (b"": from the first on)."""

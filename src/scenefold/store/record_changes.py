@@ -70,20 +70,34 @@ class PutRecords:
 
 @dataclass(frozen=True, slots=True)
 class MergeRecords(MayUseReserve):
-    """Copies from other nodes: the highest version stays, wherever it lies. They may use the reserve.
+    """Copies from other nodes: the highest version stays, wherever it lies. They leave some of the reserve to those who make room.
 
     A node-managed object with its home in this node's arc is put as a client's is, whatever place the copy comes from.
+    `is_sparing`: there is no more of the reserve for them. A record may only take the place of another one, and be no larger than that, or than
+    `grown_bytes`: what rotted can still be healed, and a deletion still be known.
     """
 
     puts: Sequence[tuple[RecordHeader, Put]]
+    is_sparing: bool = False
+    grown_bytes: int = 0
 
     @property
     def size_bytes(self) -> int:
         return _size_of(self.puts)
 
+    def in_reserve(self, left: ReserveLeft, /) -> Self:
+        if self.size_bytes <= self._bytes_of(left):
+            return self
+        return replace(self, is_sparing=True, grown_bytes=DELETION_BYTES_MAX if left.for_deletions > 0 else 0)
+
+    def _bytes_of(self, left: ReserveLeft) -> int:
+        return left.for_merging
+
     def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
         arc = read_arc(transaction)
-        return [_merge(transaction, tally, arc, header, put) for header, put in self.puts]
+        if not self.is_sparing:
+            return [_merge(transaction, tally, arc, header, put) for header, put in self.puts]
+        return [_merge_sparingly(transaction, tally, arc, header, put, self.grown_bytes) for header, put in self.puts]
 
     def when_full(self, _transaction: ReadTransaction, /) -> list[PutResult]:
         return [PutResult(Outcome.FULL)] * len(self.puts)
@@ -91,25 +105,10 @@ class MergeRecords(MayUseReserve):
 
 @dataclass(frozen=True, slots=True)
 class HoldRecords(MergeRecords):
-    """Copies that are held for another owner. They leave some of the reserve to those who make room, here and there.
+    """Copies that are held for another owner. They leave more of the reserve, and what its owner could still take is held, too, or no deletion there would ever count."""
 
-    `is_sparing`: there is no more of it for them. A record may only take the place of another one, and be no larger than that, or than
-    `grown_bytes`: what its owner could still take is held, too, or no deletion there would ever count.
-    """
-
-    is_sparing: bool = False
-    grown_bytes: int = 0
-
-    def in_reserve(self, left: ReserveLeft, /) -> Self:
-        if self.size_bytes <= left.for_holding:
-            return self
-        return replace(self, is_sparing=True, grown_bytes=DELETION_BYTES_MAX if left.for_deletions > 0 else 0)
-
-    def apply(self, transaction: WriteTransaction, tally: Tally, /) -> list[PutResult]:
-        arc = read_arc(transaction)
-        if not self.is_sparing:
-            return [_merge(transaction, tally, arc, header, put) for header, put in self.puts]
-        return [_merge_sparingly(transaction, tally, arc, header, put, self.grown_bytes) for header, put in self.puts]
+    def _bytes_of(self, left: ReserveLeft) -> int:
+        return left.for_holding
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +245,7 @@ def _merge_sparingly(
         return PutResult(Outcome.FULL)
     if not put.is_husk and len(pack_record(put.record)) > max(len(value), grown_bytes):
         present = _present(value)
-        result = _judge_for_node(put.record, present, value)
+        result = _judged(_judge_for_node, put, present, value)
         is_to_be_written = result.outcome is Outcome.STORED and _is_to_be_written(new, present, value)
         return PutResult(Outcome.FULL) if is_to_be_written else result
     return _merge(transaction, tally, arc, new, put)
@@ -293,13 +292,17 @@ def _write(transaction: WriteTransaction, tally: Tally, judges: Judge, put: Put,
     record, new = put.record, put.record.header
     value = transaction.get(RECORDS, record_key(*spot))
     present = _present(value) if value is not None else None
-    result = judges(record, present, value)
-    if value is not None and present is not None and present == put.instead_of and not _is_sound(value):
-        result = PutResult(Outcome.STORED, new.digest)
+    result = _judged(judges, put, present, value)
     if result.outcome is Outcome.STORED and _is_to_be_written(new, present, value):
         keep_record(transaction, tally, spot, record, value, put.debtors)
         return PutResult(result.outcome, result.current, result.location, has_changed=True, over_wreck=result.over_wreck)
     return result
+
+
+def _judged(judges: Judge, put: Put, present: RecordHeader | None, value: memoryview | None) -> PutResult:
+    if value is not None and present is not None and present == put.instead_of and not _is_sound(value):
+        return PutResult(Outcome.STORED, put.record.header.digest)
+    return judges(put.record, present, value)
 
 
 def _judge_for_client(record: Record, present: RecordHeader | None, value: memoryview | None) -> PutResult:

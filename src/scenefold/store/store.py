@@ -87,12 +87,13 @@ class Store(ComparingStore, HuskStore, OwingStore, DroppingStore, EndingStore, S
     async def merge(self, puts: Sequence[Put], debtors: Sequence[Sequence[NodeId]] = ()) -> list[PutResult]:
         """Take verified copies from other nodes, wherever they lie: the highest version stays, whatever it expects.
 
-        A node-managed record needs its `at`. It may use the reserve. STALE is no failure: something newer is here.
+        A node-managed record needs its `at`. FULL once it would take of the reserve what those need who make room, unless it is no larger than
+        what lies there. STALE is no failure: something newer is here.
         """
         return await self._keep(MergeRecords, _owed(puts, debtors))
 
     async def hold(self, puts: Sequence[Put]) -> list[PutResult]:
-        """As `merge`, for copies that this node holds for another: FULL once they would take of the reserve what deletions need."""
+        """As `merge`, for copies that this node holds for another: FULL before those are."""
         return await self._keep(HoldRecords, puts)
 
     async def _keep(self, change: type[PutRecords | MergeRecords], puts: Sequence[Put]) -> list[PutResult]:

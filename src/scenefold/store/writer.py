@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar, cast
 
 import trio
@@ -19,7 +19,7 @@ from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.limits import STORE_BATCH_BYTES_MAX, STORE_QUEUE_CHANGES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.store.changes import Change, MayUseReserve, ReserveLeft
+from scenefold.store.changes import NOTHING_LEFT, Change, MayUseReserve, ReserveLeft
 from scenefold.store.layout import SpaceAddress
 from scenefold.store.preallocation import ahead_of
 from scenefold.store.sealing import StoreDamaged
@@ -33,6 +33,9 @@ RIDE_S = 1.0
 """What rides along waits so long for somebody to go with."""
 RIDERS_MAX = 256
 """Beyond that they go by themselves: their changes share the commit, and each may name some hundred records."""
+
+SMALL_BYTES_MAX = 256 * 1024
+"""A change that is no larger is tried again without the others where all together had no room."""
 
 _log = logging.getLogger("scenefold.store")
 
@@ -223,22 +226,43 @@ def commit(environment: Environment, changes: Sequence[Change[Any]], reserve_byt
             room_bytes -= change.size_bytes
     refused = sum(sparing is not change for sparing, change in zip(admitted, changes, strict=True))
 
+    try:
+        return _commit(environment, admitted, refused)
+    except DiskFull:
+        return _commit_small(environment, changes)
+
+
+def _commit(environment: Environment, changes: Sequence[Change[Any]], refused: int) -> Committed:
     def apply(transaction: WriteTransaction) -> Committed:
         tally = Tally()
-        answers = [change.apply(transaction, tally) for change in admitted]
+        answers = [change.apply(transaction, tally) for change in changes]
         counts, owed = tally.write(transaction)
         return Committed(answers, counts, owed, refused, tally.digests.is_unbuilt)
 
-    try:
-        return environment.update(apply)
-    except DiskFull:
-        with environment.read() as view:
-            return Committed([_full(change, view) for change in changes], {}, {}, len(changes))
+    return environment.update(apply)
+
+
+def _commit_small(environment: Environment, changes: Sequence[Change[Any]]) -> Committed:
+    """All together had no room: do those that are small, and add nothing, by themselves. The rest is full."""
+    small = {index: change.in_reserve(NOTHING_LEFT) for index, change in enumerate(changes) if change.size_bytes <= SMALL_BYTES_MAX}
+    committed, answers = Committed([], {}, {}, 0), dict[int, Any]()
+    if small and any(small.get(index) is not change for index, change in enumerate(changes)):
+        try:
+            committed = _commit(environment, list(small.values()), len(changes))
+            answers = dict(zip(small, committed.answers, strict=True))
+        except DiskFull:
+            _log.debug("the disk has no room for what is small either")
+    with environment.read() as view:
+        full = [answers[index] if index in answers else _full(change, view) for index, change in enumerate(changes)]
+    return replace(committed, answers=full, refused=len(changes))
 
 
 def _left_of(free_bytes: int, ahead_bytes: int) -> ReserveLeft:
-    """Half of what a store takes ahead is for who makes room, or lets others go on; the quarter above that for deletions beside these."""
-    return ReserveLeft(free_bytes - ahead_bytes // 2, free_bytes - 3 * ahead_bytes // 4)
+    """Half of what a store takes ahead is for who makes room, or lets others go on; the eighth above that for deletions beside these.
+
+    The next eighth is for merged copies as well, so that what others have held here never keeps a gap from being recovered.
+    """
+    return ReserveLeft(free_bytes - ahead_bytes // 2, free_bytes - 3 * ahead_bytes // 4, free_bytes - 5 * ahead_bytes // 8)
 
 
 def _full(change: Change[Any], view: ReadTransaction) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,12 @@ from scenefold.base.reasons import RejectReason
 from scenefold.client.tombstones import TOMBSTONE_BYTES_MAX, tombstone
 from scenefold.crypto import EXPECTS_NOTHING, Record
 from scenefold.store import LmdbDisk, Outcome, Put, open_store
+from scenefold.store.changes import PutValue
+from scenefold.store.holding import PutHolding, read_arc
 from scenefold.store.layout import RECORDS, TABLES, pack_record, record_key
+from scenefold.store.lmdb_transaction import TREE_PAGES_MAX
 from scenefold.store.preallocation import AHEAD_BYTES_MIN
-from scenefold.store.record_changes import DELETION_BYTES_MAX, HoldRecords
+from scenefold.store.record_changes import DELETION_BYTES_MAX, HoldRecords, MergeRecords, PutRecords
 from scenefold.store.statistics import capacity_of
 from scenefold.store.writer import commit
 from scenefold.world import DiskFailed, DiskFull, Environment, offline_world
@@ -265,6 +269,92 @@ async def test_copies_for_others_leave_deletions_what_they_need(tmp_path: Path) 
         assert [result.outcome.name for result in await store.hold([put(1, seq=2, size=2_100)])] == ["STORED"], "a deletion of the owner's"
         assert [result.outcome.name for result in await store.put([put(1, seq=3, size=2_200)])] == ["STORED"], "a deletion"
         assert [result.outcome.name for result in await store.merge([put(3)])] == ["STORED"], "of its own arc"
+
+
+MERGING_ENDS = 5 * AHEAD_BYTES_MIN // 8
+"""With so much left nothing new is recovered, brought home or compared any more, and deletions still have an eighth for themselves."""
+
+
+@pytest.mark.expect_log("full but for its reserve")
+async def test_what_is_recovered_leaves_the_reserve_to_who_makes_room(tmp_path: Path) -> None:
+    """A gap of many times the reserve would else take all of it: then nothing can be deleted, given away, or noted any more."""
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1, size=20), put(2, seq=2, size=6_000)])
+    disk, new = NearlyFull(), put(9, size=60_000)
+    disk.left_bytes = MERGING_ENDS + held_bytes(new)
+    async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+        assert [result.outcome.name for result in await store.hold([put(3)])] == ["FULL"]
+        assert [result.outcome.name for result in await store.merge([new])] == ["STORED"], "what others have held here keeps no gap"
+    disk.left_bytes = MERGING_ENDS
+    async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+        copies = [put(3), new, put(9, seq=2, size=60_001), put(2, size=7_000), put(2, seq=3, size=6_000)]
+        wanted = ["FULL", "STORED", "FULL", "STALE", "STORED"]
+        assert [result.outcome.name for result in await store.merge(copies)] == wanted
+        assert [result.outcome.name for result in await store.merge([put(1, seq=2, size=2_100)])] == ["STORED"], "a deletion elsewhere"
+        assert [result.outcome.name for result in await store.put([put(1, seq=3, size=2_200)])] == ["STORED"], "a deletion"
+        await store.put_holding(arc(0, 5), b"note")
+        await store.put_header(SCENE, b"x")
+
+
+async def test_what_has_rotted_is_healed_by_a_disk_that_takes_nothing_new(tmp_path: Path) -> None:
+    """It is no larger. What is larger than what rotted is refused for want of room, and so is asked for again."""
+    async with whole_store(world(), tmp_path) as store:
+        await store.put([put(1, seq=3, size=6_000), put(2, seq=3, size=6_000)])
+    for number in (1, 2):
+        rot(tmp_path, RECORDS, record_key(place(number)), bit=8 * 300)
+    disk = NearlyFull()
+    async with open_store(offline_world(disk=disk), tmp_path, NODE) as store:
+        rotten = put(2, seq=3, size=6_000).record.header
+        older = [replace(put(2, seq=1, size=size), instead_of=rotten) for size in (7_000, 5_000)]
+        results = await store.merge([put(1, seq=3, size=6_000), *older])
+        assert [result.outcome.name for result in results] == ["STORED", "FULL", "STORED"]
+        assert await store.get_many([place(1), place(2)]) == [record(1, seq=3, size=6_000), older[1].record]
+
+
+def test_what_makes_room_is_done_though_it_shares_a_commit_with_what_has_none(tmp_path: Path) -> None:
+    """How much room there is nobody knows beforehand: others write to the disk as well."""
+    room_bytes = 100_000
+
+    class Small(NearlyFull):
+        def open(self, folder: Path, tables: Sequence[str], /) -> Environment:
+            environment = super().open(folder, tables)
+            update = environment.update
+
+            def bounded(change: Callable[[Any], Any]) -> Any:
+                def counted(transaction: Any) -> Any:
+                    result = change(transaction)
+                    if transaction.dirty_bytes_max > room_bytes + 40 * 4096 * TREE_PAGES_MAX:
+                        raise DiskFull("no room for so much")
+                    return result
+
+                return update(counted)
+
+            environment.update = bounded  # type: ignore[method-assign]
+            return environment
+
+    disk = Small()
+    disk.left_bytes = 1 << 40
+    environment = disk.open(tmp_path, TABLES)
+    first = commit(environment, [PutHolding(b"", arc(0, 9), b""), MergeRecords([(put(1).record.header, put(1))])], STORE_RESERVE_BYTES)
+    assert first.answers[1][0].outcome is Outcome.STORED
+    large = [put(10 + number, size=60_000) for number in range(30)]
+    gone = put(1, seq=2, size=1)
+    changes = [
+        MergeRecords([(copy.record.header, copy) for copy in large]),
+        PutHolding(b"", arc(0, 5), b"given"),
+        PutRecords([(gone.record.header, gone)]),
+        PutRecords([(put(3).record.header, put(3))]),
+        PutValue("headers", b"abcd", b"header"),
+    ]
+    found = commit(environment, changes, STORE_RESERVE_BYTES)
+    merged, _, deleted, added, _ = found.answers
+    assert {result.outcome for result in merged} == {Outcome.FULL}
+    assert [result.outcome for result in (*deleted, *added)] == [Outcome.STORED, Outcome.FULL]
+    assert found.refused == len(changes)
+    with environment.read() as view:
+        assert read_arc(view) == arc(0, 5)
+        assert view.get("headers", b"abcd") is not None
+    environment.close()
 
 
 def test_copies_for_others_that_share_a_commit_do_not_take_more_together(tmp_path: Path) -> None:

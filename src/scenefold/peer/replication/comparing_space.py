@@ -84,6 +84,7 @@ class SpaceComparison:
     async def run(self) -> bool:
         """Whether the holder has all that lay here when this began. Refused, Unreachable or PeerFault: not now."""
         dialogue = Dialogue(self._arcs)
+        unremembered = self._unremembered()
         is_first = True
         try:
             while (question := dialogue.question()) is not None:
@@ -99,7 +100,12 @@ class SpaceComparison:
         finally:
             self._progress.end(self)
         # What lay there only others know, the holder perhaps not among them: it is not compared with what this owner has not.
-        return self._complete and not await self._parts.keeping.awaits_within(self._scene, self._space, self._arcs)
+        is_all_known = self._complete and self._unremembered() == unremembered
+        return is_all_known and not await self._parts.keeping.awaits_within(self._scene, self._space, self._arcs)
+
+    def _unremembered(self) -> int:
+        """How often something has rotted past knowing, beyond all of which it is known who was asked."""
+        return self._parts.store.noticed.unremembered(self._scene, self._space)
 
     def _check_rest(self) -> None:
         if self.can_rest and self._parts.resting.repair:

@@ -64,12 +64,14 @@ class FullHolders:
         self._refusals = {member: one for member, one in self._refusals.items() if member in full or now <= one.at + FORGOTTEN_S}
         return frozenset(full.intersection(members))
 
-    def _is_full(self, node: NodeId, refusal: _Refusal, now: float) -> bool:
-        if now - refusal.at < refusal.pause_s:
-            return True
+    def says_room(self, node: NodeId) -> bool:
+        """Whether there is some by its own word; who says nothing may have some."""
         status = self._roster.status(node)
         used, capacity = (0, 0) if status is None else fill_of(status)
-        return used > FILL_MAX * capacity
+        return used <= FILL_MAX * capacity
+
+    def _is_full(self, node: NodeId, refusal: _Refusal, now: float) -> bool:
+        return now - refusal.at < refusal.pause_s or not self.says_room(node)
 
 
 def around_full(

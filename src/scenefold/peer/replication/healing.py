@@ -11,16 +11,18 @@ What nobody can be asked for is left as it is, and not read again: it is known t
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import Enum
 from functools import partial
+from itertools import accumulate, islice
 
 import trio
 
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.ids import SceneId, SpaceId
-from scenefold.base.location import Arc
+from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordHeader, RecordPlace, version_of
@@ -33,13 +35,15 @@ from scenefold.peer.line.unsettled import name_of
 from scenefold.peer.records.copying import NotKept
 from scenefold.peer.replication.comparing_space import Merge
 from scenefold.peer.replication.healing_asking import ASK_S_MAX, Asking, Offer
-from scenefold.peer.replication.healing_given_up import QUEUE_MAX, GivenUp
+from scenefold.peer.replication.healing_given_up import GivenUp
 from scenefold.peer.replication.healing_sources import Sources, sources_of
 from scenefold.store import Put, PutResult, Spot
 from scenefold.store.debts import Debt
 from scenefold.wire import FetchHeld, HeldFetched, Member, RecordEntry
 from scenefold.world import Priority, first_of
 
+QUEUE_MAX = 4_096
+"""Records that are asked for in one go. What is beyond is known to the store, and asked for after these."""
 TRIES_MAX = 20
 """Of one record in a row, a minute or two; then it waits until it is met again."""
 AGAIN_S = 300.0
@@ -83,16 +87,23 @@ class Healing:
 
     @property
     def waiting(self) -> int:
-        """Records that have rotted and are being fetched."""
-        return len(self._tries)
+        """Records that have rotted and are being fetched, or will be."""
+        self._given_up.forget_healed()
+        return max(len(self._tries), len(self._parts.store.noticed) - len(self._given_up))
 
     @property
     def unhealed(self) -> int:
-        """Records that have rotted since the start and were given up, or that nobody else has: up to QUEUE_MAX of them."""
+        """Records that have rotted since the start and were given up, or that nobody else has."""
         return self._given_up.count
+
+    @property
+    def has_more(self) -> bool:
+        """Whether more have rotted than are remembered, so that nobody knows how many wait, or are not to be had."""
+        return self._parts.store.noticed.has_more
 
     def rotten(self, spot: Spot) -> None:
         """Fetch this from others, soon. What was given up is asked for again in its own time, however often it is met."""
+        spot = self._parts.store.noticed.known(spot)
         if not self._given_up.is_kept(spot) and len(self._tries) < QUEUE_MAX:
             self._tries.setdefault(spot, 0)
             self._wake.set()
@@ -102,16 +113,23 @@ class Healing:
         sources = await self._sources(spot)
         if sources is None or not (sources.sure or sources.all_of) or self._parts.store.noticed.is_given_up(spot):
             return False
-        self._given_up.pop(spot)
+        self._given_up.pop(self._parts.store.noticed.known(spot))
         self.rotten(spot)
         return True
 
     async def _awaits_within(self, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]) -> bool:
         """Likewise of any wreck that was met in these arcs."""
-        known = dict.fromkeys((*self._tries, *self._given_up))
-        met = [spot for spot in known if spot.place[:2] == (scene, space) and any(spot.home in arc for arc in arcs)]
+        tried = [spot for spot in self._tries if spot.place[:2] == (scene, space)]
+        known = dict.fromkeys((*tried, *self._parts.store.noticed.within(scene, space)))
+        inside = _inside(arcs)
+        met = [spot for spot in known if inside(spot.home)]
         headers = await self._parts.store.record_headers(met)
-        return any([await self._awaits(spot) for spot, header in zip(met, headers, strict=True) if header is None])
+        is_awaited = False
+        for spot in [spot for spot, header in zip(met, headers, strict=True) if header is None]:
+            # Of those that were given up each is asked for again; all others are asked for anyway.
+            if not is_awaited or spot in self._given_up:
+                is_awaited |= await self._awaits(spot)
+        return is_awaited
 
     async def run(self) -> None:
         """Heal until cancelled, one record after the other: where there are many, a disk dies, and others are in a hurry."""
@@ -120,12 +138,14 @@ class Healing:
         seen, again_at = keeper.copies, trio.current_time() + AGAIN_S
         while True:
             if not self._tries:
+                self._refill()
+            if not self._tries:
                 await self._something_new(seen, again_at)
             is_time = trio.current_time() >= again_at
             if is_time or keeper.copies is not seen:
                 seen = keeper.copies
                 again_at = trio.current_time() + AGAIN_S if is_time else again_at
-                self._look_again(is_time=is_time)
+                await self._look_again(is_time=is_time)
             before = len(self._tries)
             for spot in list(self._tries):
                 await self._try(spot)
@@ -133,6 +153,11 @@ class Healing:
                 await pauses.wait()
             else:
                 pauses.reset()
+
+    def _refill(self) -> None:
+        """Go on with what was met while too many others were asked for. What was given up is left for its time."""
+        left = (spot for spot in self._parts.store.noticed.spots() if spot not in self._given_up)
+        self._tries = dict.fromkeys(islice(left, QUEUE_MAX), 0)
 
     async def _something_new(self, seen: Copies, again_at: float) -> None:
         """Return once something is met, it is time to ask again, or others than before may hold what was given up."""
@@ -147,9 +172,9 @@ class Healing:
         await self._parts.keeper.copies_changed_after(seen)
         await self._parts.world.clock.sleep(STEPS_S)
 
-    def _look_again(self, *, is_time: bool) -> None:
+    async def _look_again(self, *, is_time: bool) -> None:
         """At what others may have by now, and, when it is time, at all that was given up, the longest time ago first. None of it is read for that."""
-        for spot in self._given_up.due(is_time=is_time):
+        for spot in await self._given_up.due(is_time=is_time):
             who = self._given_up.who(spot)
             self._given_up.pop(spot)
             if who is None:
@@ -308,6 +333,18 @@ class Healing:
                 if not parts.keeper.holding.owns(spot.home):
                     raise Refused(RejectReason.NOT_MY_LOCATION, "the place is not this node's any more")
                 _require_room(await self._merge([put]))
+
+
+def _inside(arcs: Sequence[Arc]) -> Callable[[Location], bool]:
+    """Whether a place lies in any of these: of many wrecks and many arcs not each is held against each."""
+    ordered = sorted(arcs, key=lambda arc: arc.first)
+    firsts, lasts = [arc.first for arc in ordered], list(accumulate((arc.last for arc in ordered), max))
+
+    def is_inside(home: Location) -> bool:
+        behind = bisect_right(firsts, home)
+        return behind > 0 and home <= lasts[behind - 1]
+
+    return is_inside
 
 
 def _newest(offers: Sequence[Offer]) -> list[Offer]:

@@ -6,17 +6,20 @@ Nor will they bring it by themselves, since what is left of a record counts in s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import trio
 
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.replication.healing_sources import Sources, sources_of
 from scenefold.store import Spot
 from scenefold.store.debts import Debt
+from scenefold.store.noticing import MET_MAX
 
-QUEUE_MAX = 4_096
-"""Records that are remembered; what is beyond is met again."""
+KEPT_MAX = MET_MAX
+"""Records that are remembered: all that the store does."""
 AGAIN_MAX = 256
 """That are asked for again at a time, though nobody else can be asked."""
+PAGE = 256
+"""Looked at before others get their turn."""
 
 
 class GivenUp:
@@ -31,12 +34,15 @@ class GivenUp:
     def __bool__(self) -> bool:
         return bool(self._asked)
 
-    def __iter__(self) -> Iterator[Spot]:
-        return iter(tuple(self._asked))
+    def __len__(self) -> int:
+        return len(self._asked)
+
+    def __contains__(self, spot: Spot) -> bool:
+        return spot in self._asked
 
     @property
     def count(self) -> int:
-        """Of what this node owns, or holds copies of, up to QUEUE_MAX."""
+        """Of what this node owns, or holds copies of."""
         self.forget_healed()
         return sum(map(self.is_kept, self._asked))
 
@@ -50,11 +56,15 @@ class GivenUp:
         layout = None if known is None else known.layouts.get(spot.place.space)
         return sources_of(self._parts.keeper.copies, layout, spot, (), owns=self._parts.keeper.holding.owns(spot.home))
 
-    def due(self, *, is_time: bool) -> list[Spot]:
+    async def due(self, *, is_time: bool) -> list[Spot]:
         """What is to be asked for again: what others can be asked for and, if it is time, what was given up the longest time ago."""
         self.forget_healed()
-        oldest = list(self._asked)[:AGAIN_MAX] if is_time else []
-        return list(dict.fromkeys((*oldest, *filter(self._has_others, self._asked))))
+        known = list(self._asked)
+        found = dict.fromkeys(known[:AGAIN_MAX] if is_time else ())
+        for start in range(0, len(known), PAGE):
+            await trio.lowlevel.checkpoint()
+            found.update(dict.fromkeys(spot for spot in known[start : start + PAGE] if spot in self._asked and self._has_others(spot)))
+        return list(found)
 
     def _has_others(self, spot: Spot) -> bool:
         """Whether it is no longer up to those who could be asked when it was given up."""
@@ -62,7 +72,9 @@ class GivenUp:
 
     def add(self, spot: Spot, asked: Sources | None) -> None:
         """`asked`: who could be asked when that began."""
-        if len(self._asked) < QUEUE_MAX:
+        if len(self._asked) >= KEPT_MAX:
+            self.forget_healed()
+        if len(self._asked) < KEPT_MAX:
             self._asked[spot] = asked
 
     def pop(self, spot: Spot) -> None:
@@ -79,7 +91,9 @@ class GivenUp:
         """All have answered: what is owed of it is owed no longer from here on (paying.py). Who lacks it is remembered."""
         self._parts.store.noticed.give_up(spot)
         self._lost.pop(spot, None)
-        if debt is not None and len(self._lost) < QUEUE_MAX:
+        if len(self._lost) >= KEPT_MAX:
+            self.forget_healed()
+        if debt is not None and len(self._lost) < KEPT_MAX:
             self._lost[spot] = debt
 
     def debt(self, spot: Spot) -> Debt | None:

@@ -90,6 +90,7 @@ class Health:
                 "waiting": self._healing.waiting,
                 "unhealed": self._healing.unhealed,
                 "healed": parts.events["healed"],
+                "more": self._healing.has_more,
             },
             "unsettled": {"records": len(parts.unsettled), "pieces": len(parts.unsettled.doubts), "read": parts.unsettled.is_read},
             "unrecovered": {

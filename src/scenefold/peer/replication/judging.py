@@ -17,6 +17,7 @@ from scenefold.peer.copies.segment import Segment
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.unsettled import Doubt, Name, Pending, name_of
 from scenefold.peer.membership.roster import Roster
+from scenefold.peer.replication.full_holders import FullHolders
 from scenefold.peer.replication.lane import Lane
 from scenefold.peer.replication.paying import Due, Paying
 from scenefold.peer.replication.settling_rule import Rule, Rules
@@ -29,8 +30,10 @@ from scenefold.wire import Member
 class Judging:
     """Used from the Trio thread only. `run` it, or nothing is sent."""
 
-    def __init__(self, parts: Parts, roster: Roster) -> None:
+    def __init__(self, parts: Parts, roster: Roster, full: FullHolders) -> None:
+        """`full`: told of a holder that has no room for what it is owed."""
         self._parts = parts
+        self._full = full
         self._roster = roster
         self._unsettled = parts.unsettled
         self._lanes: dict[NodeId, Lane] = {}
@@ -232,7 +235,7 @@ class Judging:
     def _start(self, lane: Lane) -> None:
         if self._nursery is not None:
             self._nursery.start_soon(self._parts.arrival.then, lane.run)
-            self._nursery.start_soon(self._parts.arrival.then, Paying(self._parts, self, lane).run)
+            self._nursery.start_soon(self._parts.arrival.then, Paying(self._parts, self, lane, self._full).run)
 
     # ------------------------------------------------------------------------------------- what lanes and payers ask
 

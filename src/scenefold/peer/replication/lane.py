@@ -35,7 +35,9 @@ from scenefold.world import Priority, first_of
 
 BATCH_RECORDS_MAX = 1_024
 RECORD_BYTES = 256
-"""About what a record costs beside its ciphertext."""
+"""About what a record costs beside its ciphertext on its way."""
+WAITING_BYTES = 2048
+"""Likewise as long as it waits: its header, signature and names, and all that is known about it."""
 FLIGHTS = 3
 """Batches on their way to one holder: while one is written there, the next is verified, and one is sent."""
 FULL_BYTES = 1024 * 1024
@@ -43,7 +45,7 @@ FULL_BYTES = 1024 * 1024
 GATHER_S_MAX = 0.2
 """Nor for longer than that: what is on its way may wait for something else."""
 BACKLOG_BYTES_MAX = 16 * 1024 * 1024
-"""Of what is settled and waits for one holder."""
+"""Of what is settled and waits for one holder, with all that it costs."""
 ASK_S_MAX = 10.0
 AGAIN_S = 1.0
 """For what a holder refused, unless what is known about copies changes first: it may not have been told its custody yet."""
@@ -119,6 +121,10 @@ class Lane:
         late = (pending for pending in self._known if pending.item is None and not pending.is_settled)
         return any(pending not in self._refused for pending in late)
 
+    @property
+    def _backlog_bytes(self) -> int:
+        return self._queued_bytes + len(self._queue) * WAITING_BYTES
+
     async def behind(self) -> None:
         """Return once it is owed something that is not here."""
         while not self.is_behind:
@@ -134,7 +140,7 @@ class Lane:
 
     def settled(self, pending: Pending) -> None:
         """Nobody waits for this holder to have it any more."""
-        if pending in self._queue and (self._is_down or self._queued_bytes > BACKLOG_BYTES_MAX):
+        if pending in self._queue and (self._is_down or self._backlog_bytes > BACKLOG_BYTES_MAX):
             self._dequeue(pending)
             self._leave(pending)
 

@@ -1,8 +1,9 @@
 """Debts are paid from the disk: what a holder is owed and nobody waits for (specs/20-copies.md, Writes).
 
 One walk over all debts picks those of one holder, reads the records and sends them, within the budget that all moving of data shares.
-Another one follows as long as something was left: who is owed most is away, or was. A debt to a node that is no holder of its
-place, or of a place that is not this node's, is forgotten: whoever comes to hold the place is compared with its owner.
+Another one follows as long as something was left: who is owed most is away, or was. A holder that has no room is not sent all of it again and
+again (paying_full.py). A debt to a node that is no holder of its place, or of a place that is not this node's, is forgotten: whoever comes to
+hold the place is compared with its owner.
 """
 
 from __future__ import annotations
@@ -20,8 +21,11 @@ from scenefold.base.reasons import RejectReason
 from scenefold.crypto import Record
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
+from scenefold.peer.replication.full_holders import AGAIN_S_MIN, FullHolders
 from scenefold.peer.replication.lane import ASK_S_MAX, HEARD_S, RECORD_BYTES, Lane, item_of
+from scenefold.peer.replication.paying_full import FullDisk
 from scenefold.store.debts import Debt
+from scenefold.store.layout import record_key
 from scenefold.store.versions import version_of
 from scenefold.wire import CopiesStored, HandItem, Member, StoreCopies
 from scenefold.world import Priority
@@ -31,6 +35,8 @@ AGAIN_S = 60.0
 """Between two looks at whether something is owed that nobody speaks of."""
 READ_BATCH = 32
 """Records read at a time: 2 MiB of the largest."""
+REST_LOOK_S = 5.0
+"""Between two looks at whether a holder without room is another one by now, or says that it has some."""
 
 _log = logging.getLogger("scenefold.peer.replication")
 
@@ -67,12 +73,18 @@ class Ledger(Protocol):
 class Paying:
     """To one holder. `run` it in one task."""
 
-    def __init__(self, parts: Parts, ledger: Ledger, lane: Lane) -> None:
+    def __init__(self, parts: Parts, ledger: Ledger, lane: Lane, full: FullHolders) -> None:
+        """`full`: told when the holder has no room."""
         self._parts = parts
+        self._full = full
         self._ledger = ledger
         self._lane = lane
         self._node = lane.node
         self._pauses = Pauses(parts.world)
+        self._disk = FullDisk()
+        self._after: bytes | None = None
+        """Where the next walk begins: behind what was offered last before there was no room."""
+        self._offered: bytes | None = None
 
     async def run(self) -> None:
         # What is unsettled since before the start is sent first.
@@ -83,6 +95,7 @@ class Paying:
             while not self._may_walk():
                 await self._parts.world.clock.sleep(HEARD_S)
             self._lane.is_behind = False
+            self._disk.begin()
             try:
                 left = await self._walk()
             except (Refused, Unreachable, PeerFault) as problem:
@@ -90,6 +103,9 @@ class Paying:
                 left = 1
             if left:
                 self._lane.fall_behind()
+            if self._disk.has_refused:
+                await self._rest()
+            elif left:
                 await self._pauses.wait()
             else:
                 self._pauses.reset()
@@ -108,9 +124,23 @@ class Paying:
         member = self._ledger.member_at(self._node)
         return member is None or (self._ledger.is_alive(self._node) and not self._lane.is_down and not self._lane.is_overdue)
 
+    async def _rest(self) -> None:
+        """Offer nothing for a while to who has no room, or for a short while if it says that there is some. Another incarnation may have some."""
+        member, pause_s = self._ledger.member_at(self._node), self._disk.next_pause_s()
+        _log.info("%s has no room for what it is owed; it is tried again in %.0f s", address_of(self._node), pause_s)
+        begin = trio.current_time()
+        while (rested_s := trio.current_time() - begin) < pause_s:
+            if self._ledger.member_at(self._node) != member:
+                self._disk, self._after = FullDisk(), None
+                return
+            if rested_s >= AGAIN_S_MIN and self._full.says_room(self._node):
+                return
+            await self._parts.world.clock.sleep(REST_LOOK_S)
+
     async def _walk(self) -> int:
-        """Pay all that can be paid; how many are left."""
-        left, cursor = 0, None
+        """Pay all that can be paid; how many are left, at least."""
+        # Only what is behind there is looked at, and the rest the next time.
+        left, cursor = int(self._after is not None), self._after
         while self._parts.store.owed.get(self._node):
             page = await self._parts.store.debts(cursor, PAGE)
             owed = [debt for debt in page.debts if self._node in debt.nodes]
@@ -121,9 +151,13 @@ class Paying:
             for start in range(0, len(to_pay), READ_BATCH):
                 with self._parts.carrying.begun():
                     left += await self._pay(to_pay[start : start + READ_BATCH])
+                if self._disk.is_hopeless:
+                    self._after = self._offered
+                    return left
             cursor = page.after
             if cursor is None:
                 break
+        self._after = None
         return left
 
     async def _pay(self, debts: Sequence[Debt]) -> int:
@@ -138,9 +172,11 @@ class Paying:
         for debt, record in zip(debts, records, strict=True):
             if isinstance(record, Record) and version_of(record.header_bytes) == debt.version:
                 item = item_of(debt.spot, record)
-                if found and size + len(item.ciphertext) + RECORD_BYTES > self._lane.size.bytes:
+                if found and size + len(item.ciphertext) + RECORD_BYTES > self._disk.packet_bytes(self._lane.size.bytes):
                     left += await self._send(member, found, size)
                     found, size = [], 0
+                    if self._disk.is_hopeless:
+                        return left + 1
                 found.append((debt, item))
                 size += len(item.ciphertext) + RECORD_BYTES
         return left + (await self._send(member, found, size) if found else 0)
@@ -158,7 +194,7 @@ class Paying:
         left = [(debt, husk) for debt, husk in left if store.noticed.is_given_up(debt.spot) or not self._ledger.is_unsettled(debt)]
         told = [(debt, item_of(debt.spot, husk)) for debt, husk in left if version_of(husk.header_bytes) == debt.version]
         over = [debt for debt, husk in zip(rotten, husks, strict=True) if husk is None and store.noticed.is_given_up(debt.spot)]
-        reasons = await self._ask(member, [item for _, item in told]) if told else ()
+        reasons = await self._ask(member, told) if told else ()
         over += [
             debt
             for (debt, _), reason in zip(told, reasons, strict=True)
@@ -171,7 +207,7 @@ class Paying:
 
     async def _send(self, member: Member, found: Sequence[tuple[Debt, HandItem]], size: int) -> int:
         await self._parts.budget.take(size)
-        reasons = await self._ask(member, [item for _, item in found])
+        reasons = await self._ask(member, found)
         taken = [debt for (debt, _), reason in zip(found, reasons, strict=True) if reason == 0]
         for debt in taken:
             self._ledger.has_got(member, debt)
@@ -179,7 +215,8 @@ class Paying:
         await self._parts.store.paid([(debt.spot, debt.version, self._node) for debt in taken])
         return len(found) - len(taken)
 
-    async def _ask(self, member: Member, items: Sequence[HandItem]) -> Sequence[int]:
+    async def _ask(self, member: Member, found: Sequence[tuple[Debt, HandItem]]) -> Sequence[int]:
+        items = [item for _, item in found]
         packet = StoreCopies(self._parts.own.member, tuple(items))
         try:
             reply = await self._parts.peers.ask(self._node, Priority.LOW, packet, CopiesStored, ASK_S_MAX)
@@ -191,4 +228,8 @@ class Paying:
             raise PeerFault("a holder answered for another number of records", where=address_of(self._node))
         if self._ledger.member_at(self._node) != member:
             raise Unreachable("the holder has another incarnation now", where=address_of(self._node))
+        self._disk.answered([len(item.ciphertext) + RECORD_BYTES for item in items], reply.reasons)
+        self._offered = record_key(*found[-1][0].spot)
+        if RejectReason.STORAGE_FULL in reply.reasons:
+            self._full.note(member)
         return reply.reasons

@@ -7,7 +7,7 @@ that but time. Until a gap is recovered, single places of it are looked up by na
 from __future__ import annotations
 
 import logging
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 
 import trio
 
@@ -25,6 +25,8 @@ from scenefold.wire import Member
 
 LOOK_UPS_MAX = 8
 """Places that are looked up at one time, each at every node."""
+LOOK_UPS_OF_ONE_MAX = 4
+"""Of these of one question, however many places it names: others have but 2 s for theirs, and take turns with it."""
 LOOKED_UP_MAX = 65_536
 """Places remembered as looked up. Beyond it the oldest are looked up again."""
 
@@ -78,10 +80,15 @@ class Recovering:
         unknown = [location for location in dict.fromkeys(locations) if not self.is_known(location)]
         if not unknown:
             return
+        left = iter(unknown)
         with trio.CancelScope(deadline=until):
             async with trio.open_nursery() as nursery:
-                for location in unknown:
-                    nursery.start_soon(self._look_up, location)
+                for _ in range(min(LOOK_UPS_OF_ONE_MAX, len(unknown))):
+                    nursery.start_soon(self._look_up_all, left)
+
+    async def _look_up_all(self, left: Iterator[Location]) -> None:
+        for location in left:
+            await self._look_up(location)
 
     async def _look_up(self, location: Location) -> None:
         async with self._slots:

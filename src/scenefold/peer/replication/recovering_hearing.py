@@ -57,6 +57,8 @@ class Hearing:
         self._patience = Patience()
         self._at_once = FETCH_RECORDS
         """Fewer of one whose answers do not come in time: what is sound and on its way must not count as not held."""
+        self._budget_s = 0.0
+        """Waited, while a page was brought, until its bytes were earned."""
         self.is_silent = False
         """Whether it did not answer when it was asked last."""
 
@@ -74,7 +76,6 @@ class Hearing:
 
     async def _next_page(self) -> float:
         """Bring what one page names; seconds until it, or the next one, is asked for."""
-        clock = self._parts.world.clock
         try:
             page = await self._listed()
             named = self._walk.check(page)
@@ -82,17 +83,19 @@ class Hearing:
             self._patience.note_nonsense()
             raise
         if named:
-            begin = clock.now()
             async with self._turn:
                 wanted = await self._lacking(named)
+                # What others hold up, or the budget, tries nobody's patience.
+                begin, self._budget_s = trio.current_time(), 0.0
                 denied = await self._bring(wanted) if wanted else set()
+                took_s = trio.current_time() - begin - self._budget_s
                 left = await self._lacking(wanted)
             if len(left) < len(wanted):
                 self._patience.delivered()
                 if left:
                     return 0.0
             elif left:
-                pause_s = self._patience.failed(len(left), clock.now() - begin, are_denied=denied.issuperset(map(_entry_of, left)))
+                pause_s = self._patience.failed(len(left), min(took_s, BRING_S_MAX), are_denied=denied.issuperset(map(_entry_of, left)))
                 if pause_s is not None:
                     return pause_s
                 self._parts.events["named, not delivered"] += len(left)
@@ -182,8 +185,15 @@ class Hearing:
             # Somebody waits for this place.
             self._parts.budget.charge(size_bytes)
         else:
-            await self._parts.budget.take(size_bytes)
+            await self._earn(size_bytes)
         return [RecordEntry(item.scene, item.space, item.location, item.object, husk.record.header.digest) for item, husk in husks]
+
+    async def _earn(self, size_bytes: int) -> None:
+        begin = trio.current_time()
+        try:
+            await self._parts.budget.take(size_bytes)
+        finally:
+            self._budget_s += trio.current_time() - begin
 
     async def _learn_scenes(self, items: Sequence[HandItem]) -> None:
         """Have the headers by which these can be judged. Who keeps a record knew its header; who decides the scene may have lost it since."""

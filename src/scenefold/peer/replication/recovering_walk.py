@@ -26,13 +26,15 @@ could be recovered any more."""
 NONSENSE_MAX = 8
 """Answers that cannot be, before a node is heard no further: one may come of a restart in the middle."""
 PATIENCE_S = 60.0
-"""Spent in all on what one node names and does not deliver. What then does not come at once counts as not held."""
+"""Spent in all on what one node names and does not deliver. What then does not come soon counts as not held."""
 GIVEN_UP_MAX = 4_096
 """Versions that one node has named and not delivered: it is heard no further. A disk that has rotted so far has little else to say."""
 PAUSE_S_MIN = 0.25
 PAUSE_S_MAX = 8.0
 TRIES_MAX = 6
 """For the records of one page: some 8 s with the pauses between."""
+TRIES_MIN = 2
+"""However little patience is left: an answer that was too large to come in time is asked for in smaller parts."""
 DENIED_TRIES_MAX = 2
 """For what who named it says that he has not: it has rotted, unless it was replaced just then."""
 
@@ -124,12 +126,14 @@ class Patience:
     def failed(self, count: int, took_s: float, *, are_denied: bool = False) -> float | None:
         """So many versions of a page did not come. Seconds until it is asked again; None: they count as not held.
 
-        `are_denied`: of all of them the node itself says that it has them not.
+        `took_s`: spent on the node alone. `are_denied`: of all of them the node itself says that it has them not.
         """
         self._tries += 1
         pause_s = min(PAUSE_S_MAX, PAUSE_S_MIN * 2.0 ** (self._tries - 1))
         self._left_s -= took_s + pause_s
-        if self._tries < (DENIED_TRIES_MAX if are_denied else TRIES_MAX) and self._left_s > 0:
+        tries_max = DENIED_TRIES_MAX if are_denied else TRIES_MAX
+        tries_min = 1 if are_denied else TRIES_MIN
+        if self._tries < (tries_max if self._left_s > 0 else tries_min):
             return pause_s
         self._tries = 0
         self.given_up += count

@@ -26,6 +26,7 @@ from scenefold.peer.membership.roster import Roster
 from scenefold.peer.records.copying import TOLD_S_MAX, NotKept
 from scenefold.peer.records.verification import KnownScene
 from scenefold.peer.replication.beginning import Beginning
+from scenefold.peer.replication.full_holders import FullHolders
 from scenefold.peer.replication.judging import Judging
 from scenefold.peer.replication.lane import item_of
 from scenefold.peer.replication.settling import Settled
@@ -46,6 +47,11 @@ _log = logging.getLogger("scenefold.peer.replication")
 
 class Places(Protocol):
     """Who holds copies of what (placing.py)."""
+
+    @property
+    def full(self) -> FullHolders:
+        """Who has no room."""
+        ...
 
     def check(self, scene: KnownScene, space: SpaceId, /) -> None:
         """Refused (22) if so few nodes may hold copies of the space that no write can count."""
@@ -69,7 +75,7 @@ class Spreading:
 
     def __init__(self, parts: Parts, roster: Roster, places: Places) -> None:
         self._parts = parts
-        self._judging = Judging(parts, roster)
+        self._judging = Judging(parts, roster, places.full)
         self._places = places
         self._unsettled = parts.unsettled
         self._settled = Settled(parts, self._judging)

@@ -399,7 +399,7 @@ def test_what_nobody_else_has_is_told_as_given_up_until_it_is_written_anew(monke
         await first.store.read([first.spot(place, SPACE)])
         await until(lambda: first.replication.healing.unhealed == 1 and not first.replication.healing.waiting)
         document = await first.replication.health.document()
-        assert document["rotten"] == {"waiting": 0, "unhealed": 1, "healed": 0}
+        assert document["rotten"] == {"waiting": 0, "unhealed": 1, "healed": 0, "more": False}
         reads = count_reads(first, monkeypatch)
         await trio.sleep(3 * AGAIN_S)
         assert (first.replication.healing.unhealed, first.store.damaged, len(reads)) == (1, 1, 0)

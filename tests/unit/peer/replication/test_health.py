@@ -43,7 +43,7 @@ def test_in_order_it_says_how_much_there_is() -> None:
         assert document["under_copied"] == {"segments": 0, "missing_max": 0, "records": 0}
         assert document["owed"] == {"records": 0, "records_to_silent": 0, "nodes": []}
         assert document["unsettled"] == {"records": 0, "pieces": 0, "read": True}
-        assert document["rotten"] == {"waiting": 0, "unhealed": 0, "healed": 0}
+        assert document["rotten"] == {"waiting": 0, "unhealed": 0, "healed": 0, "more": False}
         assert document["shortages"] == []
         held = await row.homes[1].replication.health.document()
         assert held["held"] == {"segments": 1, "whole": 1}

@@ -31,7 +31,7 @@ def test_others_go_on_while_all_that_is_pending_is_judged() -> None:
     async def main() -> None:
         unsettled = Unsettled()
         parts = SimpleNamespace(keeper=Keeper(), unsettled=unsettled, knowing=Knowing(), scenes=SimpleNamespace(here=lambda _: None))
-        judging = Judging(cast(Any, parts), cast(Any, None))
+        judging = Judging(cast(Any, parts), cast(Any, None), cast(Any, None))
         for number in range(3 * PAGE):
             spot = Spot(RecordPlace(SceneId(1), SpaceId(2), Location.from_number(number)))
             unsettled.add(Pending(spot, bytes(32), (), 1, frozenset(), {ME}, 100, is_stored=True))

@@ -50,16 +50,19 @@ class Holder:
         await self.waiting[-1].wait()
         return CopiesStored((0,) * len(packet.items), "")
 
-    async def send(self, count: int) -> None:
+    async def send(self, count: int) -> list[Pending]:
         """One write after the other."""
+        sent: list[Pending] = []
         for _ in range(count):
             place = SPOTS[self._sent]
             self._sent += 1
             record = record_at(place)
             spot = Spot(RecordPlace(record.header.scene, record.header.space, place))
             size = len(record.ciphertext)
-            self.lane.send(Pending(spot, bytes(32), (), 2, frozenset((NODE,)), set(), size, item_of(spot, record), is_stored=True))
+            sent.append(Pending(spot, bytes(32), (), 2, frozenset((NODE,)), set(), size, item_of(spot, record), is_stored=True))
+            self.lane.send(sent[-1])
             await trio.testing.wait_all_tasks_blocked()
+        return sent
 
     async def answer(self, number: int) -> None:
         self.waiting[number].set()
@@ -134,3 +137,20 @@ async def test_what_waits_for_a_packet_that_does_not_come_back_goes_without_it(
     await trio.sleep(GATHER_S_MAX + 0.01)
     assert holder.packets == [1, 7, 2]
     assert not holder.taken_by
+
+
+async def test_what_waits_for_a_slow_holder_is_bounded_by_all_that_it_costs(
+    nursery: trio.Nursery, autojump_clock: trio.testing.MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of small records the ciphertexts are the least."""
+    monkeypatch.setattr(lane, "BACKLOG_BYTES_MAX", 32 * lane.WAITING_BYTES)
+    holder = Holder()
+    nursery.start_soon(holder.lane.run)
+    pendings = await holder.send(60)
+    assert all(map(holder.lane.has, pendings)), "somebody waits for these"
+    for pending in pendings:
+        pending.is_settled = True
+        holder.lane.settled(pending)
+    kept = [pending for pending in pendings if holder.lane.has(pending)]
+    assert 16 < len(kept) < 32
+    assert holder.lane.is_behind, "the rest is owed"

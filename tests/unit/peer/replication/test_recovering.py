@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -12,14 +13,15 @@ from scenefold.base.cover import without
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.location import Arc
 from scenefold.base.reasons import RejectReason
+from scenefold.crypto import Record
 from scenefold.peer.line.ends import Side
 from scenefold.peer.records.verification import KnownScene
-from scenefold.wire import FetchHeld, Packet, ReturnRange
+from scenefold.wire import FetchHeld, HeldFetched, ListHeld, Packet, ReturnRange
 from scenefold.world.sim import Point
 from unit.peer.line.street import places, rot
 from unit.peer.replication.heirs import Estate, Lies, held_of, inherit, places_of, spread, until
 from unit.peer.replication.holders import arc_of
-from unit.peer.replication.terrace import HEADER, OBJECTS, THRICE, item_of, object_record, record_at
+from unit.peer.replication.terrace import HEADER, OBJECTS, THRICE, Home, item_of, object_record, record_at
 from unit.peer.scenes_made import SPACE, later_header, sealed
 
 pytestmark = pytest.mark.usefixtures("only_errors")
@@ -286,6 +288,53 @@ def test_what_a_slow_node_has_is_asked_for_in_smaller_parts() -> None:
         assert not heir.living.events["named, not delivered"]
 
     inherit(story)
+
+
+def test_what_one_node_has_is_waited_for_however_long_others_had_their_turns() -> None:
+    """Two bring nothing for half a minute each, while the third, whose first answer is too large to come in time, waits for its turn."""
+
+    async def story(estate: Estate) -> None:
+        arc = arc_of(estate.owner)
+        heir, honest = estate.homes[2], estate.homes[3]
+        records = spread(arc, 40, space=SPACE)
+        await honest.keep(*records)
+        for number in (0, 4):
+            drags(estate.homes[number], spread(arc, 5, seq=9, space=SPACE))
+        listed, senders = honest.handlers._table[ListHeld]
+        fetch, _ = honest.handlers._table[FetchHeld]
+
+        async def late(packet: ListHeld, peer: str) -> Packet:
+            await trio.sleep(1.0)
+            answer: Packet = await listed(packet, peer)
+            return answer
+
+        async def fetched(packet: FetchHeld, peer: str) -> Packet:
+            if len(packet.entries) > 10:
+                await trio.sleep(60.0)
+            answer: Packet = await fetch(packet, peer)
+            return answer
+
+        honest.handlers._table[ListHeld] = late, senders
+        honest.handlers._table[FetchHeld] = fetched, senders
+        await estate.bury(1)
+        assert await estate.adopted(arc) is heir
+        await until(lambda: not heir.gaps, 300.0)
+        assert heir.places(SPACE) >= places_of(records), "they come home only later"
+
+    inherit(story)
+
+
+def drags(home: Home, records: Sequence[Record]) -> None:
+    """It names these, and denies them one by one, each just before the answer is late."""
+    lies = Lies(home)
+    lies.names = [held_of(record) for record in records]
+    _, senders = home.handlers._table[FetchHeld]
+
+    async def denied(_packet: FetchHeld, _peer: str) -> Packet:
+        await trio.sleep(9.0)
+        return HeldFetched((), (0,))
+
+    home.handlers._table[FetchHeld] = denied, senders
 
 
 @pytest.mark.parametrize("forgotten", ["all of it", "the newest"])
