@@ -10,10 +10,10 @@ from dataclasses import replace
 import pytest
 import trio
 
-from scenefold.base.errors import Unreachable
+from scenefold.base.errors import PeerFault, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.render.job import RenderOptions
-from scenefold.render.pool import organiser
+from scenefold.render.pool import member, organiser
 from scenefold.render.pool.links import link, receiver, round_trip, sender
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
@@ -112,6 +112,27 @@ async def test_what_is_ill_formed_does_not_count_nor_does_its_number(room: Recor
         assert sum("ill-formed" in str(error) for error in pool.complaints) >= sum(node["packets_sent"] for node in state["nodes"]) > 0
     assert sha256_of(image) == alone
     assert sum(node["packets_resent"] for node in state["nodes"]) == 0
+
+
+@pytest.mark.parametrize("algorithm", ["voronoi", "whole"])
+async def test_what_finds_no_room_does_not_count_and_is_sent_again(
+    room: Records, alone: str, algorithm: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A slow node's rays wait for as long as they have to."""
+    calls = 0
+
+    def full_in_between(*_: object) -> None:
+        nonlocal calls
+        calls += 1
+        if calls % 3 == 0:
+            raise PeerFault("more rays came than open passes have")
+
+    monkeypatch.setattr(member, "check_room", full_in_between)
+    monkeypatch.setattr(round_trip, "RTO_S_MIN", 0.05)
+    async with memory_pool(offline_world(), room, 2) as pool:
+        image, state = await pool.render(JOB, replace(OPTIONS, algorithm=algorithm))
+    assert sha256_of(image) == alone
+    assert calls >= 3 and sum(node["packets_resent"] for node in state["nodes"]) > 0
 
 
 @pytest.mark.expect_log("1 of 2 nodes go on")

@@ -260,8 +260,10 @@ def _shade_hits(rays, hits, first, count, hit_uv, hit_ids, scene, job, first_pat
         weight = select(found, _power_weight(decode_pdf(ray.pdf), other), 1.0)
         mapped = (features & _EMISSIVE_MAP) != np.uint32(0)
         if any_lane(mapped):
-            # The density above is of the mean, by which light samples choose; what is sent out is the texel.
-            tr, tg, tb, _ = texture_of(scene, material, _EMISSIVE_USE, places, scratch)
+            # The density above is of the mean, by which light samples choose; what is sent out is the texel, and of the finest level
+            # where they might have found it, since that is the one that they read: both have shares of one light.
+            finest = (tu, tv, tu2, tv2, select(found, 0.0, covered), select(found, 0.0, covered2))
+            tr, tg, tb, _ = texture_of(scene, material, _EMISSIVE_USE, finest, scratch)
             emission_r = select(mapped, tr * gather(rows, (material, _EMISSIVE)), emission_r)
             emission_g = select(mapped, tg * gather(rows, (material, _EMISSIVE + 1)), emission_g)
             emission_b = select(mapped, tb * gather(rows, (material, _EMISSIVE + 2)), emission_b)

@@ -8,7 +8,7 @@ from scenefold.render.pool.links import sender
 from scenefold.render.pool.links.link import Link
 from scenefold.render.pool.links.receiver import WINDOW
 from scenefold.render.pool.member import Member
-from scenefold.render.pool.own_passes import RAYS_OF_A_PATH, passes_in_flight
+from scenefold.render.pool.own_passes import passes_in_flight, rays_of_a_path
 from scenefold.render.pool.service import RenderService
 
 
@@ -22,7 +22,7 @@ def beyond(services: Mapping[int, RenderService]) -> Iterator[tuple[int, str]]:
                 continue
             attempt, nodes = (job, member._roster.attempt), len(member._roster.nodes)
             in_flight = passes_in_flight(nodes)
-            rays_max = nodes * in_flight * part.job.plan.size(0) * RAYS_OF_A_PATH
+            rays_max = nodes * in_flight * part.job.plan.size(0) * rays_of_a_path(part.job.depth)
             waiting[attempt] = waiting.get(attempt, 0) + _waiting(member)
             if waiting[attempt] > rays_max:
                 yield slot, f"{waiting[attempt]} rays wait in one attempt, and there may be {rays_max}"

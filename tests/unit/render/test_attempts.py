@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from scenefold.base.ids import NodeId
 from scenefold.render.film import Film
 from scenefold.render.job import Job
 from scenefold.render.pass_sums import PassSums
-from scenefold.render.pool.company import Apart, NodesLost, lost_of, who_go
+from scenefold.render.pool.company import Apart, Company, NodesLost, lost_of, who_go
 from scenefold.render.pool.films import Films
 from scenefold.render.pool.pass_bits import bits_of, passes_of
 from scenefold.render.pool.roster import Roster
@@ -285,3 +287,18 @@ def test_a_film_takes_no_memory_before_it_is_wanted() -> None:
     films = Films(replace(SMALL, width=16384, height=16384))
     films.forget_gathered(1)
     assert "film" not in vars(films.own)
+
+
+def test_what_a_node_did_before_it_was_lost_and_came_back_is_told_with_what_it_does_since() -> None:
+    company = Company(cast(Any, SimpleNamespace(node_id=NODES[0])), SMALL)
+    one, other = NODES[:2]
+    company.states = {one: {"casts": 5, "busy_seconds": 1.5, "triangles": 9}, other: {"casts": 7, "triangles": 2}}
+    assert company.whole_states() == company.states
+    for casts in (7, 30):
+        company.states[other] = {"casts": casts}
+        company.is_back(other)
+    assert company.whole_states()[other]["casts"] == 37, "and before it has told anything anew"
+    company.states[other] = {"casts": 3, "busy_seconds": 0.5, "triangles": 4, "phase": "running"}
+    told = company.whole_states()
+    assert (told[other]["casts"], told[other]["busy_seconds"], told[other]["triangles"], told[other]["phase"]) == (40, 0.5, 4, "running")
+    assert told[one] == company.states[one] and company.states_of([other])[other]["casts"] == 3

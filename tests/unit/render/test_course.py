@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from scenefold.base.ids import NodeId
-from scenefold.render.pool.course import ROUNDS_MAX, Course
+from scenefold.render.pool.course import ROUNDS_MAX, TAIL_PASSES_MIN, Course
 from scenefold.render.reports import efficiency_of
 
 A, B = NodeId(1), NodeId(2)
@@ -66,6 +66,29 @@ def test_a_render_that_ends_early_has_a_tail_of_its_own() -> None:
     assert Course(passes=7).tail == []
 
 
+def test_an_adaptive_render_that_needs_few_of_its_passes_has_the_tail_of_these() -> None:
+    course = Course(passes=10_000)
+    for number in range(161):
+        course.closed(number, float(number))
+    assert course.tail == [152.0, 160.0]
+
+
+def test_the_tail_of_many_passes_is_off_by_less_than_a_hundredth_of_the_time() -> None:
+    course = Course(passes=100_000)
+    for number in range(0, 100_001, 7):
+        course.closed(number, number / 100)
+    course.closed(100_000, 1_001.0)
+    early, late = course.tail
+    assert late == 1_001.0 and 950.0 <= early <= 960.0
+
+
+def test_so_few_passes_have_no_tail() -> None:
+    course = Course(passes=TAIL_PASSES_MIN - 1)
+    for number in range(TAIL_PASSES_MIN):
+        course.closed(number, float(number))
+    assert course.tail == []
+
+
 def test_the_tail_of_a_resumed_render_is_of_what_it_traced_itself() -> None:
     course = Course(passes=300, before=200)
     course.closed(200, 10.0)
@@ -89,5 +112,4 @@ def test_the_last_pass_is_never_before_the_others(passes: int, looks: list[tuple
         course.closed(min(closed, passes), now)
     tail = course.tail
     assert not tail or 0.0 <= tail[0] <= tail[1] <= now
-    if any(closed >= passes for closed, _ in looks):
-        assert len(tail) == 2
+    assert bool(tail) is (max((min(closed, passes) for closed, _ in looks), default=0) >= TAIL_PASSES_MIN)

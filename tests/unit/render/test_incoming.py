@@ -11,8 +11,9 @@ from scenefold.base.rays import RAY_WORDS
 from scenefold.render.passes import PassPlan
 from scenefold.render.pool.incoming import check_dealt, check_room
 from scenefold.render.pool.outbox import Batch
-from scenefold.render.pool.own_passes import NODES_MANY, RAYS_OF_A_PATH, owners_of, pass_owner, passes_in_flight
+from scenefold.render.pool.own_passes import NODES_MANY, owners_of, pass_owner, passes_in_flight
 
+DEPTH = 8
 PLAN = PassPlan(5, 200 * PASS_PATHS_MAX)
 
 
@@ -23,20 +24,20 @@ def batch(number: int, rays: int = 1) -> Batch:
 @pytest.mark.parametrize("nodes", [2, 5, NODES_MANY])
 def test_rays_of_no_more_passes_than_may_be_open(nodes: int) -> None:
     most = 2 * nodes * passes_in_flight(nodes)
-    check_room([batch(number) for number in range(most)], (), 0, nodes)
-    check_room([batch(0), batch(0), batch(most - 1)], range(most), 0, nodes)
+    check_room([batch(number) for number in range(most)], (), 0, nodes, DEPTH)
+    check_room([batch(0), batch(0), batch(most - 1)], range(most), 0, nodes, DEPTH)
     with pytest.raises(PeerFault, match="more passes came than may be open"):
-        check_room([batch(number) for number in range(most + 1)], (), 0, nodes)
+        check_room([batch(number) for number in range(most + 1)], (), 0, nodes, DEPTH)
     with pytest.raises(PeerFault, match="more passes came than may be open"):
-        check_room([batch(3), batch(most)], range(most), 0, nodes)
+        check_room([batch(3), batch(most)], range(most), 0, nodes, DEPTH)
 
 
 def test_no_more_rays_than_open_passes_have() -> None:
-    most = 3 * passes_in_flight(3) * PASS_PATHS_MAX * RAYS_OF_A_PATH
-    check_room([batch(0, 100)], (), most - 100, 3)
+    most = 3 * passes_in_flight(3) * PASS_PATHS_MAX * DEPTH
+    check_room([batch(0, 100)], (), most - 100, 3, DEPTH)
     with pytest.raises(PeerFault, match="more rays came"):
-        check_room([batch(0, 60), batch(1, 41)], (), most - 100, 3)
-    check_room([], range(7), most + 1, 3)
+        check_room([batch(0, 60), batch(1, 41)], (), most - 100, 3, DEPTH)
+    check_room([], range(7), most + 1, 3, DEPTH)
 
 
 def test_dealt_paths_come_from_who_owns_them() -> None:

@@ -11,6 +11,7 @@ from scenefold.base.errors import Unreachable
 from scenefold.base.rays import RAY_WORDS
 from scenefold.render.arrays import U32
 from scenefold.render.ledger import Counts
+from scenefold.render.pool.links import sender
 from scenefold.render.pool.links.link import Link
 from scenefold.render.pool.links.receiver import DELAY_S
 from scenefold.render.pool.links.round_trip import RTO_S_MAX, RTO_S_MIN
@@ -78,7 +79,8 @@ async def test_what_is_put_while_it_sleeps_leaves_in_its_time(autojump_clock: Mo
     assert frame.closed == (6,) and len(frame.rays) == 5 * 36 and (frame.attempt, frame.link_sequence) == (3, 1)
 
 
-async def test_many_rays_and_a_hurry_wake_it(autojump_clock: MockClock) -> None:
+async def test_many_rays_and_a_hurry_wake_it(autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sender, "BYTES_FIRST", BYTES_MAX)
     line = Line()
     async with trio.open_nursery() as nursery:
         nursery.start_soon(line.link.run)
@@ -97,7 +99,10 @@ async def test_many_rays_and_a_hurry_wake_it(autojump_clock: MockClock) -> None:
     assert [at for at, _ in line.frames] == pytest.approx([1.001, 1.001 + HURRIED_S])
 
 
-async def test_what_waits_for_credit_leaves_with_the_next_acknowledgement(autojump_clock: MockClock) -> None:
+async def test_what_waits_for_credit_leaves_with_the_next_acknowledgement(
+    autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sender, "BYTES_FIRST", BYTES_MAX)
     line = Line()
     frames_of_credit = BYTES_MAX // (FRAME_RAYS_MAX * 36)
     async with trio.open_nursery() as nursery:

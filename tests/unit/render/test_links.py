@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from scenefold.base.errors import PeerFault
 from scenefold.render.pool.links.receiver import DELAY_S, UNSAID_PACKETS_MAX, WINDOW, Receiver
-from scenefold.render.pool.links.round_trip import RTO_S_MAX, RTO_S_MIN, RoundTrip
+from scenefold.render.pool.links.round_trip import RTO_S_MAX, RTO_S_MIN, UNKNOWN, UNMEASURED_MAX, RoundTrip
 from scenefold.render.pool.links.sender import BYTES_MAX, GIVE_UP_S, OVERTAKEN_MAX, Sender
 
 TRIP_S = 0.01
@@ -139,21 +139,79 @@ def test_what_is_overtaken_is_sent_again_before_the_timer_runs_out() -> None:
 
 def test_the_timer_sends_the_lowest_alone_and_backs_off() -> None:
     sender: Sender[str] = Sender()
-    sender.send("a", 1, 0.0)
-    sender.send("b", 1, 0.0)
-    waits, now = [], 0.0
+    sender.send("once", 1, 0.0)
+    sender.acknowledge(1, b"", 0.1)
+    sender.send("a", 1, 0.1)
+    sender.send("b", 1, 0.1)
+    waits, now = [], 0.1
     for _ in range(5):
         due_at = sender.due_at
         assert due_at is not None
         assert sender.due(due_at - 1e-6) is None
-        assert sender.due(due_at) == (1, "a")
+        assert sender.due(due_at) == (2, "a")
         waits.append(due_at - now)
         now = due_at
-    assert waits == [RTO_S_MIN, 2 * RTO_S_MIN, 4 * RTO_S_MIN, RTO_S_MAX, RTO_S_MAX]
-    assert sender.acknowledge(1, b"", now) == ["a"]
+    assert waits == pytest.approx([RTO_S_MIN, 2 * RTO_S_MIN, 4 * RTO_S_MIN, RTO_S_MAX, RTO_S_MAX])
+    assert sender.acknowledge(2, b"", now) == ["a"]
     # Which of its sendings came nobody knows, so it proves nothing of "b".
     assert sender.due(now) is None
-    assert sender.due(now + RTO_S_MIN) == (2, "b")
+    assert sender.due(now + RTO_S_MIN) == (3, "b")
+
+
+class Pipe:
+    """A line of so many bytes a second that holds what was put into it, and on which nothing is lost; acknowledgements come back at once."""
+
+    def __init__(self, bytes_per_s: float) -> None:
+        self.rate, self.free_at = bytes_per_s, 0.0
+        self.under_way: list[tuple[float, int]] = []
+
+    def put(self, number: int, size: int, now: float) -> None:
+        self.free_at = max(self.free_at, now) + size / self.rate
+        self.under_way.append((self.free_at, number))
+
+
+@pytest.mark.parametrize("bits_per_s", [1e6, 10e6, 1e9])
+def test_a_slow_line_is_not_filled_with_what_came_already(bits_per_s: float) -> None:
+    """As much as can be sent waits to be; after the first half minute almost all that is sent is new."""
+    sender: Sender[int] = Sender()
+    receiver = Receiver()
+    pipe = Pipe(bits_per_s / 8)
+    now, new_bytes, again_bytes = 0.0, 0, 0
+    while now < 330.0 and new_bytes < 300e6:
+        while (again := sender.due(now)) is not None:
+            number, size = again
+            pipe.put(number, size, now)
+            again_bytes += size * (now > 30.0)
+        while sender.may_send(size := min(1_180_000, sender.frame_bytes)):
+            number = sender.next_number
+            sender.send(size, size, now)
+            pipe.put(number, size, now)
+            new_bytes += size * (now > 30.0 or bits_per_s > 1e8)
+        came = min(pipe.under_way)
+        due_at = sender.due_at
+        assert due_at is not None
+        now = min(came[0], max(now, due_at))
+        if came[0] <= now:
+            pipe.under_way.remove(came)
+            receiver.take(came[1], 1, now)
+            sender.acknowledge(*receiver.acknowledge(), now)
+    assert again_bytes < 0.02 * new_bytes
+    assert new_bytes >= min(300e6, 0.97 * 300 * bits_per_s / 8)
+
+
+def test_after_an_outage_as_much_may_be_under_way_as_before() -> None:
+    sender: Sender[str] = Sender()
+    sender.send("x", BYTES_MAX // 2, 0.0)
+    sender.acknowledge(1, b"", 30.0)
+    assert sender.frame_bytes < BYTES_MAX // 16
+    now = 30.0
+    for number in range(2, 12):
+        size = sender.frame_bytes
+        sender.send("y", size, now)
+        sender.send("y", size, now)
+        now += 0.1
+        sender.acknowledge(2 * number - 1, b"", now)
+    assert sender.frame_bytes == BYTES_MAX // 2
 
 
 def test_a_link_is_given_up_after_a_silence_and_not_while_it_is_idle() -> None:
@@ -202,13 +260,23 @@ def test_acknowledgements_wait_for_more_to_say_unless_something_is_wrong() -> No
 
 def test_the_timeout_follows_the_round_trip() -> None:
     trip = RoundTrip()
-    assert trip.timeout_s == RTO_S_MIN
+    assert trip.timeout_s == UNKNOWN * RTO_S_MIN
     trip.measured(2.0)
     assert trip.timeout_s == 2.0 + 4 * 1.0
     for _ in range(100):
         trip.measured(2.0)
-    assert trip.timeout_s == pytest.approx(2.0)
+    assert trip.timeout_s == pytest.approx(3.0)
     trip.ran_out()
-    assert trip.timeout_s == pytest.approx(4.0)
+    assert trip.timeout_s == pytest.approx(6.0)
     trip.went_on()
-    assert trip.timeout_s == pytest.approx(2.0)
+    assert trip.timeout_s == pytest.approx(3.0)
+    for _ in range(UNMEASURED_MAX):
+        trip.ran_out()
+        trip.went_on()
+    assert trip.timeout_s == pytest.approx(6.0), "nothing comes back before it runs out"
+    trip.measured(2.0)
+    assert trip.timeout_s == pytest.approx(3.0)
+    fresh = RoundTrip()
+    fresh.ran_out()
+    fresh.went_on()
+    assert fresh.timeout_s == 2 * UNKNOWN * RTO_S_MIN, "nothing was measured yet"

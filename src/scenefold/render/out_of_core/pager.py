@@ -96,7 +96,7 @@ class Pager:
             return False
         self._open.pop(going).close()
         self.evicted += 1
-        _give_back()
+        give_back()
         return True
 
 
@@ -111,7 +111,7 @@ def runs(numbers: Collection[int]) -> list[tuple[int, int]]:
     return found
 
 
-def _give_back() -> None:
+def give_back() -> None:
     """What was freed goes to the kernel now, where the C library can be told to."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:

@@ -99,11 +99,11 @@ class Attempts:
         """With those that are left, and those that are back, until all of them trace again. The error if that cannot be."""
         next_change: NodesLost | NodesBack | None = change
         self._closed_before = self.closed
-        begun = self._clock.now()
+        begun = trio.current_time()
         while next_change is not None:
             next_change = await or_changed(partial(self._begin, next_change))
         self._closed_before = None
-        self.took_s = self._clock.now() - begun
+        self.took_s = trio.current_time() - begun
 
     async def _begin(self, change: NodesLost | NodesBack) -> None:
         job, company = self._job, self._company
@@ -114,6 +114,8 @@ class Attempts:
             self.lost += sorted(change.nodes)
         else:
             company.roster = company.roster.changed(job, (), change.nodes)
+            for node in change.nodes:
+                company.is_back(node)
             self.back += sorted(change.nodes)
         roster = company.roster
         self._say(change)

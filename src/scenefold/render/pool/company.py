@@ -51,6 +51,13 @@ class Apart(NamedTuple):
     words: str
 
 
+_ADDED = (
+    "casts", "rays", "shadow_casts", "rays_sent", "packets_sent", "packets_resent", "rays_received", "late", "not_finite", "clamped",
+    "busy_seconds", "processor_seconds", "bytes_read",
+)  # fmt: skip
+"""What a node counts in all, from the beginning of its life."""
+
+
 class Company:
     """Of one job."""
 
@@ -59,6 +66,8 @@ class Company:
         self.roster = Roster.first(job, host.node_id)
         self.states: dict[NodeId, dict[str, Value]] = {}
         """The newest of each node, also of those that are lost."""
+        self._before: dict[NodeId, dict[str, int | float]] = {}
+        """Of those that were lost and are back: what they had counted until then."""
         self.hits: dict[NodeId, F32] = {}
         self.done: dict[NodeId, Value] = {}
         """The passes in each node's film, while an attempt is held; too many for what clients are told."""
@@ -67,6 +76,19 @@ class Company:
     def nodes(self) -> tuple[NodeId, ...]:
         """Those that take part."""
         return self.roster.nodes
+
+    def is_back(self, node: NodeId) -> None:
+        """It counts from nothing; what it had told before it was lost is not forgotten."""
+        before, last = self._before.get(node, {}), self.states.pop(node, {})
+        self._before[node] = {name: before.get(name, 0) + _amount(last.get(name)) for name in _ADDED}
+
+    def whole_states(self) -> dict[NodeId, dict[str, Value]]:
+        """The newest of each node that has told any, with what it did before it was lost and came back."""
+        return {node: self._with_before(node) for node in {**self._before, **self.states}}
+
+    def _with_before(self, node: NodeId) -> dict[str, Value]:
+        state, before = self.states.get(node, {}), self._before.get(node)
+        return state if before is None else {**state, **{name: before[name] + _amount(state.get(name)) for name in _ADDED}}
 
     def states_of(self, nodes: Collection[NodeId]) -> dict[NodeId, dict[str, Value]]:
         """The newest of each of these; nothing of one that has told none."""
@@ -211,3 +233,7 @@ class _Lost:
         """NodesLost if somebody was."""
         if self._errors:
             raise NodesLost(self._errors, next(iter(self._errors.values())))
+
+
+def _amount(value: Value | None) -> int | float:
+    return value if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 2**63 else 0

@@ -11,8 +11,10 @@ from scenefold.wire import Value
 
 ROUNDS_MAX = 256
 """That are told; those after them are not."""
-STEPS = 100
-"""Of all passes that are to be traced, whose times are kept."""
+MOMENTS_MAX = 1_024
+"""Whose counts of closed passes are kept; of more every other one goes."""
+TAIL_PASSES_MIN = 20
+"""Fewer have no tail: the last of them are more than 5 of 100."""
 TAIL = 0.95
 States = Mapping[NodeId, Mapping[str, Value]]
 """What each node that took part told last."""
@@ -32,8 +34,8 @@ class Course:
     _counts: dict[NodeId, int] = field(default_factory=dict)
     """When the last round ended, of those that took part in it."""
     _begun_at: float | None = None
-    _closed_after: list[float] = field(default_factory=list)
-    """By step: seconds from the beginning until so many were closed first."""
+    _closed: list[tuple[int, float]] = field(default_factory=list)
+    """Ascending: so many were closed, first, so many seconds from the beginning."""
 
     def cells_moved(self, states: States) -> None:
         """All nodes answer for other cells."""
@@ -51,19 +53,19 @@ class Course:
     def closed(self, passes: int, now: float) -> None:
         """So many are closed at this time; the first time that anybody asks is the beginning. After a loss it may be fewer than there were."""
         self._begun_at = now if self._begun_at is None else self._begun_at
-        to_trace = self.passes - self.before
-        while to_trace > 0 and len(self._closed_after) < STEPS and passes >= self.before + self._in_steps(to_trace):
-            self._closed_after.append(now - self._begun_at)
-
-    def _in_steps(self, to_trace: int) -> int:
-        """Passes that are closed with the next step."""
-        return math.ceil(to_trace * (len(self._closed_after) + 1) / STEPS)
+        if passes > (self._closed[-1][0] if self._closed else self.before):
+            self._closed.append((passes, now - self._begun_at))
+        if len(self._closed) > MOMENTS_MAX:
+            self._closed = [*self._closed[:-1:2], self._closed[-1]]
 
     @property
     def tail(self) -> list[float]:
-        """Seconds until 95 of 100 of the passes that were traced were closed, and until all were; empty if that is not known."""
-        steps = self._closed_after
-        return [steps[math.ceil(TAIL * len(steps)) - 1], steps[-1]] if steps else []
+        """Seconds until 95 of 100 of the passes that were traced were closed, and until all were; empty if that is not known, or they were few."""
+        traced = self._closed[-1][0] - self.before if self._closed else 0
+        if traced < TAIL_PASSES_MIN:
+            return []
+        most = next(at for count, at in self._closed if count - self.before >= math.ceil(TAIL * traced))
+        return [most, self._closed[-1][1]]
 
     def document(self, *, is_done: bool) -> dict[str, Value]:
         """For whoever asks how the job stands: rounds and tail once it is done."""

@@ -181,7 +181,10 @@ class Dealer:
         """Until it has closed its own passes."""
         left, waited_s = self._left[node], now - self._closed_at[node]
         most_s = min(left, PASS_PATHS_MAX) / rate + _PATIENCE_S
-        return max(0.0, left / rate - waited_s) if waited_s <= most_s else left / PASS_PATHS_MAX * waited_s
+        if not left or waited_s <= most_s:
+            return max(0.0, left / rate - waited_s)
+        # Who stands still takes as long again for a pass, and for the last few paths of one no less.
+        return max(1.0, left / PASS_PATHS_MAX) * waited_s
 
     def _forgotten(self, paces: F64, dealt: I64) -> list[int]:
         """Those who have nothing to do, and get nothing because they were slow."""

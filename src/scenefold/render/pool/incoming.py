@@ -12,7 +12,7 @@ from scenefold.base.rays import RAY_BYTES, RAY_WORDS
 from scenefold.base.reasons import RejectReason
 from scenefold.render.passes import PassPlan
 from scenefold.render.pool.outbox import Batch
-from scenefold.render.pool.own_passes import RAYS_OF_A_PATH, pass_owner, passes_in_flight
+from scenefold.render.pool.own_passes import pass_owner, passes_in_flight, rays_of_a_path
 from scenefold.wire import SendRays
 
 
@@ -34,7 +34,7 @@ def batches_of(packet: SendRays, plan: PassPlan) -> list[Batch]:
     return batches
 
 
-def check_room(batches: Sequence[Batch], known: Collection[int], waiting: int, nodes: int) -> None:
+def check_room(batches: Sequence[Batch], known: Collection[int], waiting: int, nodes: int, depth: int) -> None:
     """PeerFault for what no honest node sends: rays of more passes than may be open, or more rays than those have (specs/30-ray-links.md).
 
     `known`: passes of which this node has had rays; `waiting`: rays that wait here. What is known here its owner does not know to be closed.
@@ -44,7 +44,7 @@ def check_room(batches: Sequence[Batch], known: Collection[int], waiting: int, n
     if fresh and len(known) + len(fresh) > 2 * open_max:
         raise PeerFault("rays of more passes came than may be open", where=f"{len(known)} and {len(fresh)} more")
     more = sum(len(batch.rays) for batch in batches)
-    if more and waiting + more > open_max * PASS_PATHS_MAX * RAYS_OF_A_PATH:
+    if more and waiting + more > open_max * PASS_PATHS_MAX * rays_of_a_path(depth):
         raise PeerFault("more rays came than open passes have", where=f"{waiting} and {more} more")
 
 

@@ -113,11 +113,13 @@ class Member:
         closed = [closed_pass(self._plan, len(self._roster.nodes), node, number) for number in packet.closed]
         link.acknowledged(packet.all_until, packet.selective)
         count = len(packet.rays) // RAY_BYTES
+        if not link.has_come(packet.link_sequence):
+            # What may not be taken has not come: its number does not count, and it is sent again.
+            check_room(batches, self._counts, len(self._queue), len(self._roster.nodes), self._job.depth)
+            if self._dealer is not None:
+                check_dealt(batches, self._plan, len(self._roster.nodes), node)
         if not link.is_new(packet.link_sequence, frame_size(count, len(packet.counts))):
             return
-        check_room(batches, self._counts, len(self._queue), len(self._roster.nodes))
-        if self._dealer is not None:
-            check_dealt(batches, self._plan, len(self._roster.nodes), node)
         for batch in batches:
             self._take(batch)
         if batches:

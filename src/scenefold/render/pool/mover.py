@@ -7,6 +7,8 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import trio
+
 from scenefold.base.errors import ScenefoldError
 from scenefold.partition import Partition
 from scenefold.render.pool.hold import PREPARE_S_MAX
@@ -80,13 +82,13 @@ class Mover:
                 return
             if after is self._moves.partition:
                 continue
-            begun = self._clock.now()
+            begun = trio.current_time()
             self._noted(after, is_claimed=False)
             if not await self._fetched(after):
                 return
             await self._to_all({"claim": after.epoch}, CLAIM_S_MAX)
             self._moves.partition = after
-            self._took_s = self._clock.now() - begun
+            self._took_s = trio.current_time() - begun
             self._noted(after, is_claimed=True)
 
     def _is_worth(self, told: Sequence[Told]) -> bool:

@@ -52,6 +52,8 @@ class Moving:
         self._has_left, self._all_left = trio.Event(), trio.Event()
         self._all_left.set()
         self._turn = trio.Lock()
+        self._unwanted = 0
+        """What was fetched of this epoch, or an older one, is let go of."""
         self._is_over = False
 
     async def open(self) -> Held:
@@ -84,7 +86,12 @@ class Moving:
                 raise LocalFault("the renderer cannot move cells", remedy="render with fixed cells")
             # Two cells are held at most.
             await self._all_left.wait()
-            self._next = await self._moved(self._now(), partition, self._place)
+            fetched = await self._moved(self._now(), partition, self._place)
+            if partition.epoch <= self._unwanted:
+                with trio.CancelScope(shield=True):
+                    await self._close(fetched)
+                raise Refused(RejectReason.NOT_READY, "the cell is wanted no more")
+            self._next = fetched
 
     def claim(self, epoch: object, member: Member) -> None:
         """Answer for the cell that was fetched. PeerFault if it was not."""
@@ -108,8 +115,11 @@ class Moving:
             self.claim(epoch, member)
 
     async def forget(self, epoch: object) -> None:
-        """That cell will not be claimed."""
+        """That cell will not be claimed. While it is fetched, whoever does that lets go of it: that may take minutes, and nobody waits for it."""
         number = _epoch(epoch)
+        if self._turn.locked():
+            self._unwanted = max(self._unwanted, number)
+            return
         async with self._turn:
             fetched = self._next
             if fetched is not None and fetched.cell.partition.epoch == number:

@@ -107,8 +107,7 @@ class Organiser:
         self._algorithm, self._camera = request.options.algorithm, request.options.camera
         self._comebacks: Comebacks | None = None
         self._digest = bytes(DIGEST_BYTES)
-        self._before = self._course.before
-        self._paths_before = 0
+        self._before, self._paths_before = self._course.before, 0
         size = film_size(request.options.plan, request.options.columns, request.options.window.pixels, self._before) if self._before else 0
         self._coming = ComingFilm(size)
         self._kept: tuple[int, bytes] = (0, b"")
@@ -116,7 +115,7 @@ class Organiser:
         self._is_free = False
         """All nodes have let go of the job."""
         self._traced: int | None = None
-        self._requested_at, self._asked_at = self.now(), trio.current_time()
+        self._requested_at, self._asked_at = host.world.clock.now(), trio.current_time()
         self._scope = trio.CancelScope()
         self.image: bytes = b""
 
@@ -130,7 +129,7 @@ class Organiser:
             except* DiskFailed:
                 raise
             except* Exception as group:  # noqa: BLE001  a bug over one job is no end of a node
-                self._phase, self._failure = "failed", failure_of(group, self._id, self._quiet, self.now())
+                self._phase, self._failure = "failed", failure_of(group, self._id, self._quiet, self._host.world.clock.now())
             finally:
                 self._keys = self._request = None
             await self._free()
@@ -197,7 +196,7 @@ class Organiser:
             **failure_fields(self._failure),
             "passes": 0 if plan is None else plan.count if self._traced is None else self._begun_passes,
             "closed": 0 if plan is None else self._before if self._attempts is None else self._attempts.closed,
-            "age": self.now() - self._requested_at,
+            "age": self._host.world.clock.now() - self._requested_at,
             "options": options_document(self._options),
             "unattended": None if self._unattended is None else self._unattended.row(),
         }
@@ -205,7 +204,7 @@ class Organiser:
     def state(self) -> dict[str, Value]:
         """How the job stands, for the client."""
         plan = None if self._job is None else self._job.plan
-        states = {} if self._company is None else self._company.states
+        states = {} if self._company is None else self._company.whole_states()
         return {
             **self.row(),
             "paths": 0 if plan is None else plan.paths if self._traced is None else self._traced,
@@ -456,8 +455,8 @@ class Organiser:
         self._seconds[name] = self._seconds.get(name, 0.0) + seconds
 
     def now(self) -> float:
-        """The node's clock."""
-        return self._host.world.clock.now()
+        """While this machine is awake."""
+        return trio.current_time()
 
 
 class _Timed:

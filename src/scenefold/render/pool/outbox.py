@@ -108,8 +108,8 @@ class PeerOutbox:
         lingered = self._since + LINGER_S
         return min(lingered, max(self._since, self._left_at + HURRIED_S)) if self._hurries else lingered
 
-    def next(self, now: float) -> Frame | None:
-        """What leaves now, all that is ripe in one frame, or several if it is too much for one; None if nothing is left."""
+    def next(self, now: float, rays_max: int = FRAME_RAYS_MAX) -> Frame | None:
+        """What leaves now, all that is ripe in one frame, or several if it is too much for one; None if nothing is left. `rays_max`: of the link."""
         if self._since is None:
             return None
         self._is_ripe, self._hurries, self._left_at = True, False, now
@@ -117,15 +117,15 @@ class PeerOutbox:
         for number, _ in counts:
             del self._counts[number]
         closed = [self._closed.popleft() for _ in range(min(len(self._closed), RAY_FRAME_ITEMS_MAX))]
-        frame = Frame(self._next_batches(), counts, closed)
+        frame = Frame(self._next_batches(min(FRAME_RAYS_MAX, rays_max)), counts, closed)
         if not (self._rays or self._counts or self._closed):
             self._since, self._is_ripe = None, False
         return frame
 
-    def _next_batches(self) -> list[Batch]:
+    def _next_batches(self, most: int) -> list[Batch]:
         """Of old epochs and passes first."""
         batches: list[Batch] = []
-        room = FRAME_RAYS_MAX
+        room = most
         for due in sorted(self._rays):
             if not room or len(batches) == RAY_FRAME_ITEMS_MAX:
                 break
@@ -136,7 +136,7 @@ class PeerOutbox:
                 rays = rays[:room]
             room -= len(rays)
             batches.append(Batch(*due, rays))
-        self._waiting -= FRAME_RAYS_MAX - room
+        self._waiting -= most - room
         return batches
 
     def _begin(self, now: float) -> None:

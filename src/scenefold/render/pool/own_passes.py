@@ -25,8 +25,9 @@ _COPY = -1
 """No node's place."""
 
 
-RAYS_OF_A_PATH = 2
-"""That wait, at most: what goes on, and one that looks for a light."""
+def rays_of_a_path(depth: int) -> int:
+    """That wait, at most, of a job's depth: what goes on, and of each surface that it has left a ray that looks for a light."""
+    return depth
 
 
 def passes_in_flight(nodes: int) -> int:

@@ -351,7 +351,7 @@ class Part:
 
     async def _prepare(self) -> None:
         host, job = self._host, self.job
-        begun = host.world.clock.now()
+        begun = trio.current_time()
         mine = await host.world.workers.run(LANE, self._renderer.numeric_class)
         if mine != job.numeric_class:
             raise Refused(
@@ -365,7 +365,7 @@ class Part:
         self._digest = held.loaded.digest
         await host.world.workers.run(FILM_LANE, owners_of, job.plan, len(job.nodes))
         self._member = self._made(held.cell, held.loaded.numbers.stride, ())
-        self._prepare_seconds = host.world.clock.now() - begun
+        self._prepare_seconds = trio.current_time() - begun
         self.phase, self._was_ready = Phase.READY, True
         self._prepared.set()
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import trio
 
 from scenefold.base.errors import Unreachable
+from scenefold.base.rays import RAY_BYTES
 from scenefold.render.arrays import U32
 from scenefold.render.job import Job
 from scenefold.render.ledger import Counts
@@ -74,6 +75,10 @@ class Link:
 
     # What the other one says ---------------------------------------------------------------------------------
 
+    def has_come(self, number: int) -> bool:
+        """Whether a packet of that `link_sequence` came before. PeerFault outside of the window."""
+        return self._receiver.has(number)
+
     def is_new(self, number: int, size: int) -> bool:
         """A well-formed packet of that `link_sequence` and so many bytes has come: False if it came before. PeerFault outside of the window."""
         before = self._receiver.due_at
@@ -132,7 +137,7 @@ class Link:
         """What may leave now."""
         ripe_at = self._outbox.ripe_at()
         if self._head is None and ripe_at is not None and now >= ripe_at:
-            self._head = self._outbox.next(now)
+            self._head = self._outbox.next(now, self._sender.frame_bytes // RAY_BYTES)
         frame = self._head
         if frame is None or not self._sender.may_send(frame.size):
             return None

@@ -24,14 +24,16 @@ class Receiver:
         self.due_at: float | None = None
         """When to acknowledge; None as long as there is nothing new to say."""
 
+    def has(self, number: int) -> bool:
+        """Whether a packet came before. PeerFault for a number outside of the window."""
+        place = self._place(number)
+        return place < 0 or bool(self._above >> place & 1)
+
     def take(self, number: int, size: int, now: float) -> bool:
         """A packet of `size` bytes has come: whether it is new, and so counts. PeerFault for a number outside of the window."""
-        place = number - self._all_until - 1
-        if number < 1 or place >= WINDOW:
-            raise PeerFault("a packet's number lies outside of its link's window", where=f"number {number} after {self._all_until}")
-        is_new = place >= 0 and not self._above >> place & 1
+        is_new = not self.has(number)
         if is_new:
-            self._above |= 1 << place
+            self._above |= 1 << self._place(number)
             while self._above & 1:
                 self._above >>= 1
                 self._all_until += 1
@@ -41,6 +43,13 @@ class Receiver:
         due_at = now if at_once else now + DELAY_S
         self.due_at = due_at if self.due_at is None else min(self.due_at, due_at)
         return is_new
+
+    def _place(self, number: int) -> int:
+        """Behind the lowest number that is missing; below 0 if it is none that is."""
+        place = number - self._all_until - 1
+        if number < 1 or place >= WINDOW:
+            raise PeerFault("a packet's number lies outside of its link's window", where=f"number {number} after {self._all_until}")
+        return place
 
     def acknowledge(self) -> tuple[int, bytes]:
         """What to say now: the number up to which all have come, and the bits of those after it, lowest bit of the first byte first."""

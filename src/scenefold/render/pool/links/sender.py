@@ -15,7 +15,15 @@ from scenefold.render.pool.links.round_trip import RoundTrip
 T = TypeVar("T")
 
 BYTES_MAX = 4 * 1024 * 1024
-"""Under way on a link."""
+"""Under way on a link,"""
+BYTES_FIRST = 512 * 1024
+"""as long as nobody knows how fast it is so much,"""
+BYTES_MIN = 128 * 1024
+"""and at least so much, however slow it is."""
+SLOW_S = 2.0
+"""A packet that takes longer to be acknowledged waits behind too many others, or is too large: so much less is allowed under way."""
+QUICK_S = 1.0
+"""Of one that took less its size more is allowed."""
 GIVE_UP_S = 60.0
 OVERTAKEN_MAX = 16
 """A packet is lost if one that left so many sendings later is acknowledged,"""
@@ -51,6 +59,9 @@ class Sender(Generic[T]):
         self._went_on_at = 0.0
         """When something new was acknowledged, or the link was idle, last."""
         self._trip = RoundTrip()
+        self._bytes_max = BYTES_FIRST
+        self._judged_to = 0
+        """Sendings up to this one left by another bound."""
 
     def __len__(self) -> int:
         """Packets under way."""
@@ -60,7 +71,12 @@ class Sender(Generic[T]):
         """Whether there is credit for one more packet of so many bytes."""
         if not self._under_way:
             return True
-        return self.next_number - next(iter(self._under_way)) < WINDOW and self.bytes_under_way + size <= BYTES_MAX
+        return self.next_number - next(iter(self._under_way)) < WINDOW and self.bytes_under_way + size <= min(BYTES_MAX, self._bytes_max)
+
+    @property
+    def frame_bytes(self) -> int:
+        """What a packet may take on this link: two are under way, or more."""
+        return min(BYTES_MAX, self._bytes_max) // 2
 
     def send(self, item: T, size: int, now: float) -> None:
         """The item leaves as number `next_number`."""
@@ -91,11 +107,21 @@ class Sender(Generic[T]):
         self.bytes_under_way -= sum(one.size for one in known)
         self._went_on_at = now
         for one in known:
-            if not one.was_repeated:
+            if one.was_repeated:
+                self._trip.went_on()
+            else:
                 self._trip.measured(max(0.0, now - one.sent_at))
-        self._trip.went_on()
+            self._judge(one, now - one.first[1])
         self._find_lost(*max(self._sending_that_came(one, now) for one in known), now)
         return [one.item for one in known]
+
+    def _judge(self, came: _UnderWay[T], took_s: float) -> None:
+        """How much may be under way, by how long a packet took since it left first, with all that was under way then."""
+        if took_s < QUICK_S:
+            self._bytes_max = min(BYTES_MAX, self._bytes_max + came.size)
+        elif took_s > SLOW_S and came.first[0] > self._judged_to:
+            self._bytes_max = max(BYTES_MIN, int(self._bytes_max * SLOW_S / took_s))
+            self._judged_to = self._orders
 
     def _sending_that_came(self, sent: _UnderWay[T], now: float) -> tuple[int, float]:
         """Order and moment of a sending of this packet: its last one only if there was time for that to be acknowledged."""
