@@ -57,7 +57,8 @@ class Service:
 
 
 def a_context() -> Any:
-    return SimpleNamespace(handlers=Handlers(), world=SimpleNamespace(workers=Workers(), clock=SimpleNamespace(sleep=trio.sleep)))
+    world = SimpleNamespace(workers=Workers(), clock=SimpleNamespace(sleep=trio.sleep))
+    return SimpleNamespace(handlers=Handlers(), world=world, settings=SimpleNamespace(memory_budget_bytes=1 << 30))
 
 
 def test_what_a_node_consists_of_is_imported_without_kernels() -> None:

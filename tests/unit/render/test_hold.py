@@ -60,7 +60,7 @@ class Waits:
     has_failed = False
     was_ready = True
 
-    def __init__(self, _host: object, _renderer: object, job: Any, _organiser: object, _log: object) -> None:
+    def __init__(self, _host: object, _renderer: object, job: Any, _organiser: object, _log: object, _account: object) -> None:
         self.job, self.hold, self.gone, self._ended = job, Hold(), False, trio.Event()
 
     @property
@@ -91,7 +91,7 @@ class Waits:
 class Node:
     """A host whose packets come from the test."""
 
-    node_id = ME
+    node_id, memory_bytes = ME, 1 << 30
 
     def __init__(self) -> None:
         clock = SimpleNamespace(sleep=trio.sleep, now=trio.current_time)

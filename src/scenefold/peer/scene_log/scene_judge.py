@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from hashlib import sha256
 from types import MappingProxyType
 
 from scenefold.base.errors import DamagedData, Refused
@@ -23,7 +22,7 @@ from scenefold.scene.log.certified import CHANGES_MAX, changes_before
 from scenefold.scene.log.decisions import check_log
 from scenefold.scene.log.roster import misfit
 from scenefold.scene.log.values import data_of, deciders_after, opened_value
-from scenefold.wire import MalformedPacket, SceneBody, SceneLogPublic, digest_of_header
+from scenefold.wire import MalformedPacket, SceneBody, SceneLogPublic, digest_of_header, hash_of_record
 
 _REQUEST_BYTES = 16
 REQUESTS_MAX = 1_024
@@ -83,7 +82,7 @@ class SceneJudge:
     def check(self, value: Value, *, is_decided: bool = False) -> KnownScene:
         """The scene with this value; Refused if it may not stand."""
         # A body may be megabytes: its digest is kept for it.
-        looked_at = value.digest + sha256(value.body).digest() + bytes([is_decided])
+        looked_at = value.digest + hash_of_record(value.body) + bytes([is_decided])
         known = self._fitting.get(looked_at)
         if known is None:
             known = self._fitting[looked_at] = self._checked(value, is_decided=is_decided)
