@@ -24,12 +24,14 @@ def thread(target: partial[None]) -> Iterator[threading.Thread]:
     assert not runs.is_alive()
 
 
-def test_all_that_is_given_is_written_in_its_order() -> None:
+@pytest.mark.parametrize("room", [1, 20])
+def test_all_that_is_given_is_written_in_its_order(room: int) -> None:
+    """Also what is more than there is room for."""
     written: list[int] = []
-    handed_on = HandedOn(2, written.append)
+    handed_on = HandedOn(room, written.append)
     with thread(partial(handed_on.write_all)):
         for number in range(50):
-            handed_on.give(number)
+            handed_on.give(number, 10)
         handed_on.end()
     assert written == list(range(50)) and handed_on.last_at is not None
 
@@ -42,11 +44,11 @@ def test_no_more_wait_than_there_is_room_for() -> None:
         assert may_write.acquire(timeout=END_S)
         ahead.append(len(given) - number)
 
-    handed_on = HandedOn(3, write)
+    handed_on = HandedOn(39, write)
 
     def give() -> None:
         for number in range(20):
-            handed_on.give(number)
+            handed_on.give(number, 10)
             given.append(number)
             may_write.release()
         handed_on.end()
@@ -62,7 +64,7 @@ def test_what_cannot_be_written_ends_it_for_both() -> None:
     def write(_: int) -> None:
         raise LocalFault("cannot write there", where="x.exr", remedy="choose another folder")
 
-    handed_on, faults = HandedOn(1, write), list[str]()
+    handed_on, faults = HandedOn(10, write), list[str]()
 
     def writes() -> None:
         with pytest.raises(LocalFault) as error:
@@ -71,5 +73,5 @@ def test_what_cannot_be_written_ends_it_for_both() -> None:
 
     with thread(partial(writes)):
         for number in range(5):
-            handed_on.give(number)
+            handed_on.give(number, 10)
     assert faults == ["x.exr"]

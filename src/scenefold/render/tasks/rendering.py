@@ -32,6 +32,9 @@ from scenefold.world import offline_world
 Progress = Callable[[str, int, int], None]
 """Of a phase, so many of so many; on the Trio thread."""
 
+WAITING_BYTES_MAX = 1 << 30
+"""Of frames that are made and not written yet."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workers:
@@ -111,12 +114,13 @@ async def render_temporal(
         progress("render", done, len(frames))
 
     async with _engine(render, workers, progress) as (engine, seconds):
-        handed_on = HandedOn(engine.workers, write)
+        handed_on = HandedOn(WAITING_BYTES_MAX, write)
 
         def take(index_and_frame: tuple[int, MadeFrame]) -> None:
             _, frame = index_and_frame
-            figures.add(frame.seen, frame.use, sum(layer.nbytes for layer in frame.layers.values()), is_same_scene=False)
-            handed_on.give(index_and_frame)
+            size = sum(layer.nbytes for layer in frame.layers.values())
+            figures.add(frame.seen, frame.use, size, is_same_scene=False)
+            handed_on.give(index_and_frame, size)
 
         begun = time.monotonic()
         tasks = [partial(_numbered_frame, index, Asked(render, source, options, content)) for index, source in enumerate(frames)]
