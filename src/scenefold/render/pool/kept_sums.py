@@ -1,6 +1,13 @@
-"""What a node adds up of each pass that is open anywhere, by thread (specs/08-passes.md, *Sums of a pass on a node*)."""
+"""What a node adds up of each pass that is open anywhere (specs/08-passes.md, *Sums of a pass on a node*).
+
+A table takes some megabytes. Whichever thread traces rays of a pass adds to one that no other thread works with: so there are as many of a pass as
+threads were ever at it at once, and not as many as there are threads.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from scenefold.render.ledger import Counts
 from scenefold.render.pass_sums import PassSums
@@ -10,11 +17,13 @@ from scenefold.wire import PassSums as PassSumsPacket
 
 
 class KeptSums:
-    """Of one node in one attempt. A pass's are complete once no ray of it is under way anywhere; until then its threads add to them."""
+    """Of one node in one attempt. A pass's are complete once no ray of it is under way anywhere; until then threads add to them."""
 
     def __init__(self, plan: PassPlan, columns: SumColumns) -> None:
         self._plan, self._columns = plan, columns
-        self._kept: dict[int, dict[int, PassSums]] = {}
+        self._kept: dict[int, list[PassSums]] = {}
+        self._free: dict[int, list[PassSums]] = {}
+        """Of these, those that no thread works with."""
 
     def __len__(self) -> int:
         """Of so many passes something is kept."""
@@ -24,20 +33,31 @@ class KeptSums:
         """Zeros, for a pass."""
         return PassSums.zeros(self._plan.size(number), self._columns)
 
-    def of_thread(self, number: int, thread: int) -> PassSums:
-        """Where a thread adds what it traces of a pass."""
-        by_thread = self._kept.setdefault(number, {})
-        if thread not in by_thread:
-            by_thread[thread] = self.none_of(number)
-        return by_thread[thread]
+    @contextmanager
+    def lent(self, numbers: Sequence[int]) -> Iterator[list[PassSums]]:
+        """Where one thread adds what it traces of these passes, each once; nobody else does meanwhile."""
+        lent = [self._lend(number) for number in numbers]
+        try:
+            yield lent
+        finally:
+            for number, sums in zip(numbers, lent, strict=True):
+                if number in self._kept:
+                    self._free[number].append(sums)
+
+    def _lend(self, number: int) -> PassSums:
+        free = self._free.setdefault(number, [])
+        if not free:
+            free.append(self.none_of(number))
+            self._kept.setdefault(number, []).append(free[-1])
+        return free.pop()
 
     def total(self, number: int) -> PassSums:
         """Of all threads. In a worker; of a pass that no thread traces."""
-        by_thread = list(self._kept.get(number, {}).values())
-        if len(by_thread) == 1:
-            return by_thread[0]
+        kept = self._kept.get(number, [])
+        if len(kept) == 1:
+            return kept[0]
         total = self.none_of(number)
-        for sums in by_thread:
+        for sums in kept:
             total.add(sums)
         return total
 
@@ -48,6 +68,7 @@ class KeptSums:
     def forget(self, number: int) -> None:
         """A pass is closed."""
         self._kept.pop(number, None)
+        self._free.pop(number, None)
 
 
 def sums_packet(job: int, attempt: int, number: int, payload: bytes, counts: Counts) -> PassSumsPacket:

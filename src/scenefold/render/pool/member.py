@@ -310,9 +310,9 @@ class Member:
     async def _advance(self, cell: Cell, thread: int) -> None:
         """Trace some of what waits; the other threads that rest get their part of it."""
         taken = self._queue.take_share(1 + self._resting)
-        batches = [(work.rays, self._plan.first_path(work.number), self._sums.of_thread(work.number, thread)) for work in taken]
         begun = self._clock.now()
-        with cell.at_work():
+        with cell.at_work(), self._sums.lent([work.number for work in taken]) as lent:
+            batches = [(work.rays, self._plan.first_path(work.number), sums) for work, sums in zip(taken, lent, strict=True)]
             outcomes = await self._world.workers.run(LANE, advanced, cell.tracers[thread], batches)
         self.statistics.busy_seconds += self._clock.now() - begun
         for work, outcome in zip(taken, outcomes, strict=True):
