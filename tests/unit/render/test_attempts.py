@@ -14,9 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, address_of
 from scenefold.render.film import Film
 from scenefold.render.job import Job
+from scenefold.render.levels import Adaptive
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.pool.company import Apart, Company, NodesLost, lost_of, who_go
 from scenefold.render.pool.films import Films
@@ -29,6 +30,10 @@ SMALL = replace(JOB, nodes=NODES, width=5, height=1, crop=None, layers=(), adapt
 PATHS = 5
 PASSES = 9
 STRIDE = Film(5, 1)._stride
+
+
+def paths_of(_number: int) -> int:
+    return PATHS
 
 
 def sums_of(number: int) -> PassSums:
@@ -96,9 +101,11 @@ class Pool:
                     return False
                 self.films[towards].begin(self.gatherings)
                 for index in range(films.part_count):
-                    self.films[towards].merge_part(self.gatherings, index, films.part(index))
+                    self.films[towards].merge_part(self.gatherings, node, index, films.part(index))
+                self.films[towards].check_came(self.gatherings, node)
                 passes |= films.own.passes
         self.organiser.begin(self.gatherings)
+        self.organiser.check_samples(passes, paths_of)
         self.organiser.take_gathered(passes)
         self.gathered = self.gatherings
         for node in self.roster.nodes:
@@ -186,13 +193,49 @@ def test_films_of_an_older_gathering_are_refused() -> None:
     with pytest.raises(Refused):
         films.begin(2)
     with pytest.raises(Refused):
-        films.merge_part(2, 0, film_of([1]))
-    films.merge_part(3, 0, film_of([1]))
+        films.merge_part(2, NODES[1], 0, film_of([1]))
+    films.merge_part(3, NODES[1], 0, film_of([1]))
     films.begin(4)
     assert films.part(0) == film_of([]), "of a gathering that failed nothing is left"
     films.forget_gathered(4)
     with pytest.raises(Refused):
-        films.merge_part(4, 0, film_of([1]))
+        films.merge_part(4, NODES[1], 0, film_of([1]))
+
+
+def test_a_film_comes_once_and_as_a_whole() -> None:
+    films, sender = Films(SMALL), NODES[1]
+    films.begin(1)
+    with pytest.raises(PeerFault, match="0 of 1 parts of a film came"):
+        films.check_came(1, sender)
+    films.merge_part(1, sender, 0, film_of([1]))
+    films.check_came(1, sender)
+    with pytest.raises(PeerFault, match="came twice") as caught:
+        films.merge_part(1, sender, 0, film_of([1]))
+    assert address_of(sender) in caught.value.where
+    films.merge_part(1, NODES[3], 0, film_of([2]))
+    films.check_samples([1, 2], paths_of)
+    films.begin(2)
+    films.merge_part(2, sender, 0, film_of([1]))
+    films.check_came(2, sender)
+
+
+def test_films_have_the_samples_of_their_passes() -> None:
+    """Our own count neither for nor against them."""
+    films = Films(SMALL)
+    add(films, 4)
+    films.begin(1)
+    films.check_samples([4], paths_of)
+    films.merge_part(1, NODES[1], 0, film_of([1, 2]))
+    films.check_samples([1, 2, 4], paths_of)
+    for passes in ([1], [1, 2, 3], []):
+        with pytest.raises(PeerFault, match="samples, and their passes have"):
+            films.check_samples(passes, paths_of)
+    adaptive = Films(replace(SMALL, adaptive=Adaptive(0.1, 1)))
+    adaptive.begin(1)
+    adaptive.merge_part(1, NODES[1], 0, film_of([1, 2]))
+    adaptive.check_samples([1, 2, 3], paths_of)
+    with pytest.raises(PeerFault, match="samples"):
+        adaptive.check_samples([1], paths_of)
 
 
 def test_a_film_is_forgotten_once_for_a_gathering() -> None:

@@ -32,7 +32,12 @@ class Host:
 
 
 def films(parts: int) -> Any:
-    return SimpleNamespace(begin=lambda _number: None, part=lambda _index: b"", part_count=parts, take_gathered=lambda _passes: None)
+    def nothing(*_: object) -> None:
+        return None
+
+    return SimpleNamespace(
+        begin=nothing, part=lambda _index: b"", part_count=parts, take_gathered=nothing, check_came=nothing, check_samples=nothing
+    )
 
 
 def test_at_least_ten_minutes_and_two_for_each_part_of_each_film() -> None:
@@ -43,7 +48,7 @@ def test_at_least_ten_minutes_and_two_for_each_part_of_each_film() -> None:
 @pytest.mark.parametrize(("me", "behind"), [(0, {1: 4}), (2, {1: 2, 3: 2}), (4, {3: 4})])
 async def test_the_organiser_waits_for_all_films_behind_each_neighbour(me: int, behind: dict[int, int]) -> None:
     host = Host(me)
-    gathering = Gathering(cast(Any, host), cast(Any, SimpleNamespace(id=7)), films(20), trio.Lock())
+    gathering = Gathering(cast(Any, host), cast(Any, SimpleNamespace(id=7, plan=SimpleNamespace(size=int))), films(20), trio.Lock())
     await gathering.gather(1, cast(Any, SimpleNamespace(nodes=NODES)), ())
     assert {NODES.index(node): wait_s for node, _, wait_s in host.asked} == {
         place: merge_s_max(20, films) for place, films in behind.items()
@@ -53,7 +58,7 @@ async def test_the_organiser_waits_for_all_films_behind_each_neighbour(me: int, 
 
 async def test_who_hands_on_waits_for_those_behind_it() -> None:
     host = Host(3)
-    gathering = Gathering(cast(Any, host), cast(Any, SimpleNamespace(id=7)), films(2), trio.Lock())
+    gathering = Gathering(cast(Any, host), cast(Any, SimpleNamespace(id=7, plan=SimpleNamespace(size=int))), films(2), trio.Lock())
     await gathering.hand_on(1, cast(Any, SimpleNamespace(nodes=NODES)), 2)
     merge, *parts = host.asked
     assert (merge[0], merge[2]) == (NODES[4], merge_s_max(2, 1))

@@ -6,11 +6,13 @@ happens to each film. Adding takes long, so that is done in workers.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from functools import cached_property
 
+import numpy as np
+
 from scenefold.base.errors import PeerFault, Refused
-from scenefold.base.ids import NodeId
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.render.film import Film, GoesOn
 from scenefold.render.job import Job
@@ -56,6 +58,8 @@ class Films:
         self.own = Summed(job)
         self._copies: dict[NodeId, Summed] = {}
         self._coming: Film | None = None
+        self._came: dict[NodeId, set[int]] = {}
+        """Parts of each neighbour's film, of this gathering."""
         self._gathering = 0
         self._gathered = 0
 
@@ -79,14 +83,34 @@ class Films:
         """What others send from now on counts for this gathering. Refused if there is a later one."""
         self._check(gathering)
         if gathering > self._gathering:
-            self._gathering, self._coming = gathering, None
+            self._gathering, self._coming, self._came = gathering, None, {}
 
-    def merge_part(self, gathering: int, index: int, payload: bytes) -> None:
-        """A part of a film that is gathered. Refused if it is of an older gathering; PeerFault if it does not fit."""
+    def merge_part(self, gathering: int, sender: NodeId, index: int, payload: bytes) -> None:
+        """A part of a film that is gathered. Refused if it is of an older gathering; PeerFault if it does not fit, or came before."""
         self._check(gathering)
+        came = self._came.setdefault(sender, set())
+        if index in came:
+            raise PeerFault("a part of a film came twice", where=f"part {index} of the film of {address_of(sender)}")
         if self._coming is None:
             self._coming = Film(self._job.window.width, self._job.window.height, self._job.columns)
         self._coming.merge_part(index, payload)
+        came.add(index)
+
+    def check_came(self, gathering: int, sender: NodeId) -> None:
+        """All of a neighbour's film must be here, as it says. PeerFault."""
+        self._check(gathering)
+        came = len(self._came.get(sender, ()))
+        if came != self.part_count:
+            raise PeerFault(f"{came} of {self.part_count} parts of a film came", where=f"the film of {address_of(sender)}")
+
+    def check_samples(self, passes: Collection[int], paths_of: Callable[[int], int]) -> None:
+        """At the organiser: what has come must have a sample of each path of these passes, but for our own. PeerFault. Adaptive ones have fewer."""
+        samples = 0 if self._coming is None else int(self._coming.rows.samples.sum(dtype=np.int64))
+        due = sum(map(paths_of, set(passes) - self.own.passes))
+        if samples > due or (samples < due and self._job.adaptive is None):
+            raise PeerFault(
+                f"the films of others have {samples} samples, and their passes have {due}", where="the films that were gathered"
+            )
 
     def part(self, index: int) -> bytes:
         """Of all that is gathered here, and of our own, which stays."""

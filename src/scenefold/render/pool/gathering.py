@@ -6,10 +6,11 @@ So no node receives more than two (thesis B.4.2). Nobody's own film changes befo
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import partial
 
 import trio
 
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.render.job import Job
 from scenefold.render.pool.films import Films
 from scenefold.render.pool.host import Host
@@ -57,17 +58,20 @@ class Gathering:
                     nursery.start_soon(self._collect, number, roster, neighbour)
         with trio.CancelScope(shield=True):
             async with self._turn:
+                await self._host.world.workers.run(FILM_LANE, self._films.check_samples, passes, self._job.plan.size)
                 await self._host.world.workers.run(FILM_LANE, self._films.take_gathered, passes)
 
-    async def merge(self, packet: FilmPart) -> None:
+    async def merge(self, sender: NodeId, packet: FilmPart) -> None:
         """A part of a neighbour's film. Refused if it is of an older gathering."""
+        merge = partial(self._films.merge_part, packet.gathering, sender, packet.part_index, packet.payload)
         async with self._turn:
-            await self._host.world.workers.run(FILM_LANE, self._films.merge_part, packet.gathering, packet.part_index, packet.payload)
+            await self._host.world.workers.run(FILM_LANE, merge)
 
     async def _collect(self, number: int, roster: Roster, place: int) -> None:
         me = roster.nodes.index(self._host.node_id)
         films = place + 1 if place < me else len(roster.nodes) - place
         await self._ask(roster, place, MergeFilm(job=self._job.id, gathering=number), merge_s_max(self._films.part_count, films))
+        self._films.check_came(number, roster.nodes[place])
 
     async def _ask(self, roster: Roster, place: int, packet: Packet, timeout_s: float) -> None:
         answer = await self._host.ask(roster.nodes[place], packet, timeout_s)

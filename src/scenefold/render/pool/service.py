@@ -276,7 +276,7 @@ class RenderService:
         else:
             part, node = self._part_with(packet.job, peer)
             part.place_of(node)
-            await part.gathering.merge(packet)
+            await part.gathering.merge(node, packet)
         return JobAnswer(job=packet.job, reason=OK, text="")
 
     # Looking up ----------------------------------------------------------------------------------------------
