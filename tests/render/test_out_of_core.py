@@ -14,6 +14,7 @@ import trio
 from numpy.typing import NDArray
 
 from scenefold.base.errors import LocalFault
+from scenefold.render.compiling import compile_apart
 from scenefold.render.developing import develop
 from scenefold.render.film import Film
 from scenefold.render.image_files import image_sha256
@@ -25,7 +26,6 @@ from scenefold.render.out_of_core import compiling as compiling_module
 from scenefold.render.out_of_core import spill as spill_module
 from scenefold.render.out_of_core import tracing as tracing_module
 from scenefold.render.out_of_core.cells import Cells, cells_within
-from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.out_of_core.pager import runs
 from scenefold.render.out_of_core.spill import Spill, will_need
 from scenefold.render.out_of_core.still import MIB, Made, OutOfCore, beside_trees, render_within

@@ -65,9 +65,15 @@ def are_compiled() -> bool:
     return mark is not None and mark.exists()
 
 
-def _mark() -> Path | None:
+def kernel_folder() -> Path | None:
+    """Where compiled kernels are kept, once that was chosen and is there."""
     folder = os.environ.get(_VARIABLE)
-    return Path(folder) / f"compiled-{kernels_hash()}" if folder and Path(folder).is_dir() else None
+    return Path(folder) if folder and Path(folder).is_dir() else None
+
+
+def _mark() -> Path | None:
+    folder = kernel_folder()
+    return None if folder is None else folder / f"compiled-{kernels_hash()}"
 
 
 def kernels_hash(sources: Path = _SOURCES) -> str:

@@ -7,6 +7,7 @@ are kept in memory only.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, nullcontext
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import trio
 
-from scenefold.base.errors import Refused
+from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId, SceneId, SpaceId
 from scenefold.base.location import Location
 from scenefold.base.reasons import RejectReason
@@ -25,6 +26,7 @@ from scenefold.client.verifying import Key, NewerThanKnown, writers_of
 from scenefold.client.wholes import wholes
 from scenefold.peer import NodeContext, Senders
 from scenefold.peer.peers import priority_of
+from scenefold.render.compiling import compile_apart
 from scenefold.render.sealed_keys import About, SealedKeys, open_keys
 from scenefold.scene.head import SceneHead, check_head, check_unedited
 from scenefold.scene.log import EpochKeys
@@ -61,6 +63,8 @@ READ_BATCH = 256
 READS_AT_A_TIME = 3
 """Batches under way: one is fetched while another is opened."""
 
+
+_log = logging.getLogger("scenefold.node.rendering")
 
 ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart)
 ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, CollectPass, PassSums, MergeFilm)
@@ -121,6 +125,7 @@ class RenderHost:
         self._context = context
         self.handlers: dict[type[Packet], Callable[[Any, str], Awaitable[Packet | None]]] = {}
         """What the service answers, and with what."""
+        self._compiling, self._has_compiled = trio.Lock(), False
 
     @property
     def world(self) -> World:
@@ -150,6 +155,17 @@ class RenderHost:
 
     async def send(self, node: NodeId, packet: Packet) -> None:
         await self._context.peers.tell(node, priority_of(packet), packet, SEND_S_MAX)
+
+    async def compiled(self) -> None:
+        async with self._compiling:
+            if self._has_compiled:
+                return
+            _log.info("kernels are compiled, if they were not yet: that takes minutes, once for a version")
+            try:
+                await compile_apart()
+            except LocalFault as fault:
+                _log.warning("kernels are compiled as they are needed: %s", fault)
+            self._has_compiled = True
 
     def opened(self, keys: SealedKeys, genesis: bytes, job: int) -> EpochKeys:
         about = About(self._context.facts.cluster_id, genesis, job)

@@ -110,6 +110,10 @@ class _Heard:
     def reader(self, scene: SceneId, genesis: bytes, keys: EpochKeys, head: SceneHead) -> AbstractAsyncContextManager[SceneReader]:
         return self.host.reader(scene, genesis, keys, head)
 
+    async def compiled(self) -> None:
+        # What is rehearsed has no kernels.
+        await trio.lowlevel.checkpoint()
+
     def record_count(self) -> int:
         return self.host.record_count()
 

@@ -14,6 +14,7 @@ import numpy as np
 from scenefold.base.errors import LocalFault
 from scenefold.base.rays import RAY_BYTES
 from scenefold.render.arrays import SceneArrays
+from scenefold.render.compiling import compile_apart
 from scenefold.render.contract import BudgetedRenderer, load_renderer
 from scenefold.render.developing import develop
 from scenefold.render.in_memory import camera_of, job_of
@@ -21,7 +22,6 @@ from scenefold.render.job import Job, RenderOptions
 from scenefold.render.layers import Pixels, image_bytes
 from scenefold.render.numbers import depth_of_box, job_box, job_numbers
 from scenefold.render.out_of_core.cells import Cells, cells_within
-from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.out_of_core.geometry_files import arrays_on_disk
 from scenefold.render.out_of_core.importing import import_apart
 from scenefold.render.out_of_core.pager import Pager, give_back

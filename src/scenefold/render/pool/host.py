@@ -64,6 +64,10 @@ class Host(Protocol):
         """
         ...
 
+    async def compiled(self) -> None:
+        """Return once kernels are compiled, as far as that can be done before they are needed: it takes minutes, once for a version."""
+        ...
+
     def record_count(self) -> int:
         """Records that this node stores, of all scenes."""
         ...

@@ -352,6 +352,7 @@ class Part:
     async def _prepare(self) -> None:
         host, job = self._host, self.job
         begun = trio.current_time()
+        await host.compiled()
         mine = await host.world.workers.run(LANE, self._renderer.numeric_class)
         if mine != job.numeric_class:
             raise Refused(

@@ -23,6 +23,7 @@ from scenefold.scene.tables import SceneTables
 
 async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, account: Account) -> tuple[Job, SceneTables]:
     """The job, and the scene's tables. LocalFault or Refused if it cannot be; `account`: of the memory that whoever organises it takes for that."""
+    await host.compiled()
     options = request.options
     pixels = options.window.pixels
     image = f"the image of {options.window.width}x{options.window.height}"

@@ -13,12 +13,12 @@ import numpy as np
 import trio
 
 from scenefold.render.adaptive import going_on
+from scenefold.render.compiling import compile_apart
 from scenefold.render.developing import develop
 from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import RenderOptions
 from scenefold.render.layers import Pixels
-from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.tasks.engine import ClusterEngine, Engine, ThreadsEngine, done_by
 from scenefold.render.tasks.figures import Figures

@@ -13,13 +13,13 @@ import trio
 
 from scenefold.base.errors import DamagedData
 from scenefold.render.arrays import JobNumbers
+from scenefold.render.compiling import compile_apart
 from scenefold.render.contract import OpenScene, Tracer, check_layers_written, load_renderer
 from scenefold.render.developing import Box
 from scenefold.render.first_cells import first_cells
 from scenefold.render.in_memory import camera_of, job_of
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.numbers import depth_of_box, job_box
-from scenefold.render.out_of_core.compiling import compile_apart
 from scenefold.render.pool.share import LANE, load_share, read_tables
 from scenefold.render.tasks.holding import RenderEnded
 from scenefold.render.tasks.sources import Source
