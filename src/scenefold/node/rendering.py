@@ -48,7 +48,7 @@ from scenefold.wire import (
     SendRays,
     StartJob,
 )
-from scenefold.world import World
+from scenefold.world import Priority, World
 from scenefold.world.process_use import ProcessUse, process_use
 
 if TYPE_CHECKING:
@@ -66,6 +66,9 @@ READS_AT_A_TIME = 3
 
 _log = logging.getLogger("scenefold.node.rendering")
 
+AHEAD = (JobState, JobEvent, CancelJob, AcknowledgeRays)
+"""Small ones go by the port of high priority: on a slow line they would wait for many seconds behind rays and sums, and a node whose answer comes too late
+is taken for lost."""
 ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart)
 ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, CollectPass, PassSums, MergeFilm)
 
@@ -118,6 +121,10 @@ def _imported() -> type[RenderService]:
     return RenderService
 
 
+def _priority_of(packet: Packet) -> Priority:
+    return Priority.HIGH if isinstance(packet, AHEAD) else priority_of(packet)
+
+
 class RenderHost:
     """A node, as the render service sees it (render/pool/host.py)."""
 
@@ -151,10 +158,10 @@ class RenderHost:
         self.handlers[packet] = handler
 
     async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
-        return await self._context.peers.ask(node, priority_of(packet), packet, Packet, timeout_s)
+        return await self._context.peers.ask(node, _priority_of(packet), packet, Packet, timeout_s)
 
     async def send(self, node: NodeId, packet: Packet) -> None:
-        await self._context.peers.tell(node, priority_of(packet), packet, SEND_S_MAX)
+        await self._context.peers.tell(node, _priority_of(packet), packet, SEND_S_MAX)
 
     async def compiled(self) -> None:
         async with self._compiling:

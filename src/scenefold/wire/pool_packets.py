@@ -122,7 +122,7 @@ ROWS = (
     ),
     row(
         AcknowledgeRays,
-        Carrier.BOTH_LOW,
+        Carrier.TCP_ANY,
         ("job", U64),
         ("attempt", U64),
         ("all_until", U64),

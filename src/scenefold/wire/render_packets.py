@@ -149,16 +149,16 @@ _SHARE = (("part_index", U32), ("part_count", U32), ("payload", PART))
 
 ROWS = (
     row(StartJob, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
-    row(JobAnswer, Carrier.TCP_LOW, _JOB, ("reason", REASON_OR_0), ("text", MESSAGE)),
-    row(JobState, Carrier.TCP_LOW, _JOB),
-    row(JobStateReply, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
+    row(JobAnswer, Carrier.TCP_ANY, _JOB, ("reason", REASON_OR_0), ("text", MESSAGE)),
+    row(JobState, Carrier.TCP_ANY, _JOB),
+    row(JobStateReply, Carrier.TCP_ANY, _JOB, ("document", DOCUMENT)),
     row(CollectPass, Carrier.TCP_LOW, *_PASS),
     row(PassSums, Carrier.TCP_LOW, *_PASS, *_LEDGER, *_SHARE, law=_COUNTED),
     row(MergeFilm, Carrier.TCP_LOW, _JOB, ("gathering", U64)),
     row(FilmPart, Carrier.TCP_LOW, _JOB, ("gathering", U64), *_SHARE, law=_COUNTED),
     row(FetchImage, Carrier.TCP_LOW, _JOB, ("offset", U64)),
     row(ImagePart, Carrier.TCP_LOW, _JOB, ("total_bytes", U64), ("offset", U64), ("payload", PART), law=Order("offset", "total_bytes")),
-    row(CancelJob, Carrier.TCP_LOW, _JOB),
-    row(JobEvent, Carrier.TCP_LOW, _JOB, ("document", DOCUMENT)),
+    row(CancelJob, Carrier.TCP_ANY, _JOB),
+    row(JobEvent, Carrier.TCP_ANY, _JOB, ("document", DOCUMENT)),
     row(FetchFilm, Carrier.TCP_LOW, _JOB, ("passes", U32), ("offset", U64)),
 )

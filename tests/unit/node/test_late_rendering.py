@@ -6,16 +6,18 @@ import subprocess
 import sys
 from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import trio
 
+from scenefold.base.ids import NodeId
 from scenefold.node import rendering
 from scenefold.node.rendering import ASKED_BY_ANYBODY, ASKED_BY_NODES, RenderExtension, RenderHost
 from scenefold.peer import Senders
 from scenefold.render.pool.service import RenderService
-from scenefold.wire import CancelJob, JobAnswer, JobState, Packet
+from scenefold.wire import AcknowledgeRays, CancelJob, CollectPass, JobAnswer, JobState, Packet
+from scenefold.world import Priority
 
 Handler = Callable[[Packet, str], Awaitable[Packet | None]]
 
@@ -101,3 +103,22 @@ async def test_all_that_the_service_answers_is_answered_before_there_is_one(auto
         with pytest.raises(AssertionError, match="by nobody"):
             host.handle(JobState, None, nodes_only=True)
         nursery.cancel_scope.cancel()
+
+
+async def test_what_is_small_does_not_wait_behind_rays_and_sums() -> None:
+    """On a slow line: a node whose answer comes too late is taken for lost."""
+    went: list[tuple[type[Packet], Priority]] = []
+
+    class Peers:
+        async def ask(self, _node: NodeId, priority: Priority, packet: Packet, _answer: type[Packet], _timeout: float) -> Packet:
+            went.append((type(packet), priority))
+            return packet
+
+        async def tell(self, _node: NodeId, priority: Priority, packet: Packet, _timeout: float) -> None:
+            went.append((type(packet), priority))
+
+    host = RenderHost(cast(Any, SimpleNamespace(peers=Peers())))
+    for asked in (JobState(job=1), CollectPass(job=1, pass_index=0, attempt=0)):
+        await host.ask(NodeId(1), asked, 1.0)
+    await host.send(NodeId(1), AcknowledgeRays(job=1, attempt=0, all_until=0, selective=b""))
+    assert went == [(JobState, Priority.HIGH), (CollectPass, Priority.LOW), (AcknowledgeRays, Priority.HIGH)]
