@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from scenectl.output import note, size_text
+from scenectl.replacing import replaced_text, tell_replaced
 from scenectl.values import cluster_ports
 
 if TYPE_CHECKING:
@@ -150,7 +151,9 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
                 if job.profile is None:
                     # It ends with this cluster, whose nodes have one disk: copies save from nothing but the death of a single node.
                     await cluster.scenes.create(job.scene_name, copies=1 if strike is None else COPIES_OF_STRUCK)
-                scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
+                scene, imported = await cluster.scenes.import_prepared(
+                    job.scene_name, prepared, progress, replacing=tell_replaced(job.scene_name)
+                )
                 prepared = None  # The file's meshes need not stay in memory while the nodes render.
         if embedded is not None:
             embedded.may_die(embedded.addresses)
@@ -222,7 +225,9 @@ def report_text(report: dict[str, Any]) -> str:
         lines.append(f"  {'parts of the scene:':<28}{memory['cells']}, built {memory['trees_built']} times")
     seconds = ", ".join(f"{phase} {value:.1f}" for phase, value in report["seconds"].items())
     lines.append(f"  {'seconds:':<28}{seconds}")
-    lines += [f"  not carried over: {missing}" for missing in (report.get("import") or {}).get("not_carried", [])]
+    imported = report.get("import") or {}
+    lines += [f"  not carried over: {missing}" for missing in imported.get("not_carried", [])]
+    lines += [f"  {replaced_text(imported['replaced'])}"] if imported.get("replaced") else []
     lines.append(f"  {'image sha256:':<28}{report['image_sha256']}")
     return "\n".join(lines)
 
