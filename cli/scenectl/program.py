@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
-from scenectl.errors import DONE, FAILED, READER_LEFT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
-from scenectl.output import emit_error, plain_logs
+from scenectl.errors import DONE, FAILED, READER_LEFT, STANDARD_OUTPUT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
+from scenectl.output import drop, emit_error, plain_logs, writing_to
 from scenefold.base.kernel_cache import use_kernel_cache
 
 GROUPS = {
@@ -60,25 +60,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     as_json, debug = "--json" in tokens, "--debug" in tokens
     if sys.stdout is None:
         remedy = "send it to a file, or to /dev/null"
-        emit_error(Ending("failed", FAILED, "there is nowhere to write", where="standard output is closed", remedy=remedy), as_json=False)
-        return FAILED
+        ending = Ending("failed", FAILED, "there is nowhere to write", where="standard output is closed", remedy=remedy)
+        return emit_error(ending, as_json=False)
     try:
         result = build_app()(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-        sys.stdout.flush()
+        with writing_to(STANDARD_OUTPUT):
+            sys.stdout.flush()
         return result if isinstance(result, int) else DONE
     except CycloptsError as error:
-        emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
-        return WRONG_USAGE
+        return emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
     except (Exception, KeyboardInterrupt, SystemExit, BaseExceptionGroup) as error:
         if reader_left(error):
-            # Writing out what is left at exit would fail once more.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            drop(sys.stdout)
             return READER_LEFT
         if isinstance(error, SystemExit):
             raise
         ending = ending_of(error)
-        emit_error(ending, as_json=as_json, error=error if debug and not isinstance(error, Interrupted) else None)
-        return ending.exit_code
+        return emit_error(ending, as_json=as_json, error=error if debug and not isinstance(error, Interrupted) else None)
 
 
 def _plug() -> None:
