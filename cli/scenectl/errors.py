@@ -164,6 +164,8 @@ def _remedy_of(error: OSError, where: str) -> str:
         return "send it to where there is room, or to /dev/null"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return "make room, and give the same command again"
+    if error.errno == errno.ENAMETOOLONG:
+        return "give a shorter name"
     return "see what is there, and give the same command again"
 
 

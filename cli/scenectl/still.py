@@ -95,8 +95,8 @@ class Phases:
             self.seconds[name] = round(self.seconds.get(name, 0.0) + time.monotonic() - begun, 3)
 
 
-def check_files(file: Path | None, *outputs: Path) -> None:
-    """Find what would fail only after minutes of work: a missing file, an output that cannot be written."""
+def check_files(file: Path | None, *outputs: Path, kept: Path | None = None) -> None:
+    """Find what would fail only after minutes of work: a missing file, an output that cannot be written. `kept`: the file of a kept render."""
     from scenefold.base.errors import LocalFault
     from scenefold.render.image_files import check_writable
 
@@ -104,12 +104,11 @@ def check_files(file: Path | None, *outputs: Path) -> None:
         raise LocalFault("that is a folder", where=str(file), remedy="name a scene file in it")
     if file is not None and not file.is_file():
         raise LocalFault("there is no such scene file", where=str(file), remedy="check the path")
-    probed: set[Path] = set()
-    for path in outputs:
-        # Frames are many, and most of them lie in one folder.
-        if path.parent not in probed or path.is_dir():
-            check_writable(path)
-        probed.add(path.parent)
+    check_writable(*outputs)
+    if kept is not None:
+        from scenefold.render.kept import check_keepable
+
+        check_keepable(kept)
 
 
 def check_apart(where: str, named: Mapping[str, Path | None]) -> None:
