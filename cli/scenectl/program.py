@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from scenectl.errors import DONE, FAILED, READER_LEFT, STANDARD_OUTPUT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
+from scenectl.flags import is_given
 from scenectl.output import drop, emit_error, plain_logs, writing_to
 from scenefold.base.kernel_cache import use_kernel_cache
 
@@ -57,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     use_kernel_cache()
     plain_logs()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
-    as_json, debug = "--json" in tokens, "--debug" in tokens
+    as_json, debug = is_given("--json", tokens), is_given("--debug", tokens)
     if sys.stdout is None:
         remedy = "send it to a file, or to /dev/null"
         ending = Ending("failed", FAILED, "there is nowhere to write", where="standard output is closed", remedy=remedy)
