@@ -55,6 +55,7 @@ def build_app() -> App:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     _plug()
+    _drop_empty_settings()
     use_kernel_cache()
     plain_logs()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
@@ -88,6 +89,12 @@ def _plug() -> None:
         os.close(place)
     if sys.stderr is None:
         sys.stderr = os.fdopen(2, "w", closefd=False)
+
+
+def _drop_empty_settings() -> None:
+    """A variable that is empty says as much as none: many who set up environments cannot take one away."""
+    for name in [name for name, value in os.environ.items() if name.startswith("SCENEFOLD_") and not value]:
+        del os.environ[name]
 
 
 def _usage_ending(error: CycloptsError) -> Ending:
