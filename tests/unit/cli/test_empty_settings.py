@@ -28,7 +28,9 @@ def test_an_empty_variable_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert "there is no such scene file" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", [("key", "show"), ("cluster", "status"), ("cluster", "join", "127.0.0.2")])
+@pytest.mark.parametrize(
+    "verb", [("key", "show"), ("cluster", "status"), ("cluster", "join", "127.0.0.2"), ("key", "import", "cluster.toml")]
+)
 def test_an_empty_name_is_wrong_usage(verb: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*verb, "-p", ""]) == 2
     remedy = "name a folder, or leave it out for the default one"
