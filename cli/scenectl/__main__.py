@@ -10,6 +10,7 @@ import signal
 import sys
 from collections.abc import Sequence
 
+from scenectl.flags import is_given
 from scenefold.base.early_signals import leave_at
 
 INTERRUPTED = 130
@@ -39,7 +40,7 @@ def main() -> int:
 
 
 def _leave_in_words(tokens: Sequence[str]) -> None:
-    result = RESULT if "--json" in tokens else b""
+    result = RESULT if is_given("--json", tokens) else b""
     leave_at([signal.SIGINT, signal.SIGTERM, signal.SIGHUP], INTERRUPTED, words=WORDS, result=result)
     if tokens[:2] in _SERVICES:
         leave_at([signal.SIGTERM], 0)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
-from cyclopts.validators import Number
 
 from scenectl.enrolling import invitations, invite, joined_by_token, renew, revoke, users
 from scenectl.errors import DEGRADED, DONE, Interrupted
@@ -16,7 +15,7 @@ from scenectl.member_values import TokenOption, given_token
 from scenectl.names import ClusterName
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit
 from scenectl.trusting import trust
-from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, whole
+from scenectl.values import DEFAULT_SUITE, AddressesOption, AddressOption, PortsOption, SuiteOption, cluster_ports, real, whole
 from scenectl.voting import add_voter, remove_voter, voters
 
 if TYPE_CHECKING:
@@ -96,7 +95,7 @@ def join(
     data: Annotated[Path | None, Parameter(env_var="SCENEFOLD_DATA")] = None,
     place: Annotated[str, Parameter(env_var="SCENEFOLD_JOIN_AT")] = "loaded",
     capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
-    seed_wait: Annotated[float, Parameter(env_var="SCENEFOLD_SEED_WAIT", validator=Number(gt=0, lte=86_400))] = 30.0,
+    seed_wait: Annotated[float, real(gt=0, lte=86_400, env_var="SCENEFOLD_SEED_WAIT")] = 30.0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     suite: SuiteOption = DEFAULT_SUITE,
     log_level: Literal["debug", "info", "warning", "error"] = "info",

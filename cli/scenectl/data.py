@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from scenectl.errors import STANDARD_OUTPUT
 from scenectl.names import SceneOption
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, writing_to
 from scenectl.splitting import merge, split
 from scenectl.values import LINE_END, LINE_START, PlaceOption, SpaceName, SpaceOption, whole
 
@@ -121,7 +122,8 @@ def get(
 
         emit(output, document | {"data_base64": base64.b64encode(payload).decode()}, "")
     else:
-        sys.stdout.buffer.write(payload)
+        with writing_to(STANDARD_OUTPUT):
+            sys.stdout.buffer.write(payload)
 
 
 @app.command

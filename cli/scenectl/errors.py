@@ -6,8 +6,10 @@ fails in a nursery into groups, of which the user sees the one error that tells 
 
 from __future__ import annotations
 
+import errno
 import re
 from dataclasses import dataclass
+from types import TracebackType
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError, Unreachable, UsageFault
 from scenefold.base.ids import NodeId, address_of
@@ -24,6 +26,8 @@ INTERRUPTED = 130
 """What shells give a program that ended by SIGINT (128 + 2)."""
 READER_LEFT = 141
 """What shells give a program whose reader went away, as `head` does (SIGPIPE, 128 + 13)."""
+
+STANDARD_OUTPUT = "standard output"
 
 _REFUSALS = {
     RejectReason.POSITION_TAKEN: REFUSED,
@@ -101,7 +105,8 @@ def ending_of(error: BaseException) -> Ending:
         case MemoryError():
             return Ending("failed", FAILED, "out of memory", remedy="use a machine with more, or a smaller scene")
         case OSError():
-            return Ending("failed", FAILED, error.strerror or str(error), where=str(error.filename or "this computer"))
+            where = str(error.filename or (STANDARD_OUTPUT if _is_of_a_page(error) else "this computer"))
+            return Ending("failed", FAILED, error.strerror or str(error), where=where, remedy=_remedy_of(error, where))
         case _:
             return Ending(
                 "bug",
@@ -148,8 +153,33 @@ def _with_address(name: re.Match[str]) -> str:
     return f"node:{address_of(NodeId(number))}" if number <= NODE_ID_MAX else name[0]
 
 
+def _is_of_a_page(error: OSError) -> bool:
+    """Whether rich failed to print it, as it does pages of help."""
+    trace = _innermost(error)
+    return trace is not None and _module_of(trace).startswith("rich.")
+
+
+def _remedy_of(error: OSError, where: str) -> str:
+    if where == STANDARD_OUTPUT:
+        return "send it to where there is room, or to /dev/null"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return "make room, and give the same command again"
+    if error.errno == errno.ENAMETOOLONG:
+        return "give a shorter name"
+    return "see what is there, and give the same command again"
+
+
 def _place_of(error: BaseException) -> str:
+    trace = _innermost(error)
+    return "" if trace is None else f"{_module_of(trace)}, line {trace.tb_lineno}"
+
+
+def _innermost(error: BaseException) -> TracebackType | None:
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
-    return "" if trace is None else f"{trace.tb_frame.f_globals.get('__name__', '?')}, line {trace.tb_lineno}"
+    return trace
+
+
+def _module_of(trace: TracebackType) -> str:
+    return str(trace.tb_frame.f_globals.get("__name__", "?"))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Self
 
 from scenectl.values import ONE_WORD, is_digits
+from scenefold.base.image_limits import CAMERA_NAME_BYTES_MAX
 
 LAYER_NAMES = (
     "emission",
@@ -37,6 +38,9 @@ class Layers:
         # It is always there, so whoever names it is right.
         named = [name for name in named if name != "beauty"]
         unknown = [name for name in named if name not in LAYER_NAMES]
+        alone = [name for name in unknown if name.lower() in {"all", "none"}]
+        if alone:
+            raise ValueError(f"{alone[0]!r} stands alone: leave it out, or the others")
         if unknown:
             raise ValueError(f"there is no layer {unknown[0]!r}: choose among {', '.join(LAYER_NAMES)}, or say all, or none")
         if len(set(named)) != len(named):
@@ -64,6 +68,19 @@ class Crop:
 
     def __str__(self) -> str:
         return ",".join(map(str, self.numbers))
+
+
+def check_camera(name: str) -> None:
+    """UsageFault for what cannot be the name of a camera."""
+    from scenefold.base.errors import UsageFault
+
+    remedy = "give the name that a camera has in the scene"
+    try:
+        size = len(name.encode())
+    except UnicodeEncodeError:
+        raise UsageFault("a camera's name is text", where="--camera", remedy=remedy) from None
+    if not 0 < size <= CAMERA_NAME_BYTES_MAX:
+        raise UsageFault(f"a camera's name has 1 to {CAMERA_NAME_BYTES_MAX} bytes, not {size}", where="--camera", remedy=remedy)
 
 
 USUAL_LAYERS = Layers(("albedo", "normal", "depth"))

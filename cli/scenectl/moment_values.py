@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-from cyclopts.validators import Number
-
-from scenectl.values import whole
+from scenectl.values import real, whole
 
 if TYPE_CHECKING:
     from scenefold.scene.importers import Moment
 
 FRAME_MAX = 10**9
 FrameOption = Annotated[int | None, whole(0, FRAME_MAX)]
-FpsOption = Annotated[float | None, Parameter(validator=Number(gt=0, lte=1_000_000))]
-TimeOption = Annotated[float | None, Parameter(validator=Number(gte=0, lte=1_000_000))]
+FpsOption = Annotated[float | None, real(gt=0, lte=1_000_000)]
+TimeOption = Annotated[float | None, real(gte=0, lte=1_000_000)]
 
 
 def moment_of(where: str, *, frame: int | None, fps: float | None, time: float | None, animation: str | None) -> Moment | None:

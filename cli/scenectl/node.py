@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
-from cyclopts.validators import Number
 
 from scenectl.checking import repair, verify
 from scenectl.errors import DEGRADED, DONE
 from scenectl.output import DEFAULT_PROFILE, PLAIN, Output, ProfileOutput, emit, emit_event
-from scenectl.values import AddressesOption, AddressOption, PortsOption, PrefixesOption, cluster_ports, whole
+from scenectl.values import AddressesOption, AddressOption, PortsOption, PrefixesOption, cluster_ports, real, whole
 
 if TYPE_CHECKING:
     import trio
@@ -37,14 +36,14 @@ def run_(
     address: Annotated[AddressOption, Parameter(env_var="SCENEFOLD_ADDRESS")],
     data: Annotated[Path | None, Parameter(env_var="SCENEFOLD_DATA")] = None,
     seeds: Annotated[AddressesOption | None, Parameter(env_var="SCENEFOLD_SEEDS")] = None,
-    seed_wait: Annotated[float, Parameter(env_var="SCENEFOLD_SEED_WAIT", validator=Number(gt=0, lte=86_400))] = 30.0,
+    seed_wait: Annotated[float, real(gt=0, lte=86_400, env_var="SCENEFOLD_SEED_WAIT")] = 30.0,
     threads: Annotated[int | None, whole(1, 1024, env_var="SCENEFOLD_THREADS")] = None,
     memory: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_MEMORY")] = 0,
     capacity: Annotated[int, whole(0, 2**63 - 1, env_var="SCENEFOLD_CAPACITY")] = 0,
     transfer: Annotated[int, whole(1, 2**63 - 1, env_var="SCENEFOLD_TRANSFER")] = 64 * 1024 * 1024,
-    remove_after: Annotated[float, Parameter(env_var="SCENEFOLD_REMOVE_AFTER", validator=Number(gte=13, lte=86_400 * 365))] = 120.0,
+    remove_after: Annotated[float, real(gte=13, lte=86_400 * 365, env_var="SCENEFOLD_REMOVE_AFTER")] = 120.0,
     blacklist: Annotated[PrefixesOption | None, Parameter(env_var="SCENEFOLD_BLACKLIST")] = None,
-    scrub_days: Annotated[float, Parameter(env_var="SCENEFOLD_SCRUB_DAYS", validator=Number(gt=0, lte=3650))] = 30.0,
+    scrub_days: Annotated[float, real(gt=0, lte=3650, env_var="SCENEFOLD_SCRUB_DAYS")] = 30.0,
     scrub: Annotated[int, whole(1, 2**63 - 1, env_var="SCENEFOLD_SCRUB")] = 16 * 1024 * 1024,
     join_at: Annotated[str, Parameter(env_var="SCENEFOLD_JOIN_AT")] = "loaded",
     balance: Annotated[bool, Parameter(env_var="SCENEFOLD_BALANCE")] = True,

@@ -8,15 +8,17 @@ whoever writes to it. The shapes of the JSON objects are listed in docs/referenc
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import traceback
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, TextIO
 
 from cyclopts import Group, Parameter
 
-from scenectl.errors import Ending
+from scenectl.errors import READER_LEFT, STANDARD_OUTPUT, Ending
 from scenefold.base.printable import printable, printable_json, printable_lines
 
 GENERAL = Group("General options", sort_key=90)
@@ -55,29 +57,60 @@ def counted(number: int, one: str, several: str = "") -> str:
 
 def emit(output: Output, document: Mapping[str, Any], text: str) -> None:
     """Print a result: the JSON object if asked for, else the text."""
-    if output.json:
-        print(printable_json(document, indent=2))
-    elif text:
-        print(printable_lines(text))
+    with writing_to(STANDARD_OUTPUT):
+        if output.json:
+            print(printable_json(document, indent=2))
+        elif text:
+            print(printable_lines(text))
 
 
 def emit_event(output: Output, document: Mapping[str, Any], text: str) -> None:
     """Print what a verb that goes on running has to say, on one line and at once, for whoever reads its pipe."""
-    print(printable_json(document) if output.json else printable_lines(text), flush=True)
+    with writing_to(STANDARD_OUTPUT):
+        print(printable_json(document) if output.json else printable_lines(text), flush=True)
 
 
 def note(text: str, stream: TextIO | None = None) -> None:
     """Print what is no result: on standard error, if not elsewhere."""
-    print(printable_lines(text), file=sys.stderr if stream is None else stream, flush=True)
+    with writing_to("standard error"):
+        print(printable_lines(text), file=sys.stderr if stream is None else stream, flush=True)
 
 
-def emit_error(ending: Ending, *, as_json: bool, error: BaseException | None = None) -> None:
-    """Print how a command ended badly; with `error` also its traceback (--debug)."""
-    if error is not None:
-        note("".join(traceback.format_exception(error)).rstrip())
-    note(f"error: {printable(ending.line, ERROR_CHARACTERS_MAX)}")
-    if as_json:
-        print(printable_json(ending.document()))
+def emit_error(ending: Ending, *, as_json: bool, error: BaseException | None = None) -> int:
+    """Print how a command ended badly, with `error` also its traceback (--debug), and return the exit code: whatever a stream takes, this ends well."""
+    try:
+        if error is not None:
+            note("".join(traceback.format_exception(error)).rstrip())
+        note(f"error: {printable(ending.line, ERROR_CHARACTERS_MAX)}")
+    except OSError:
+        drop(sys.stderr)
+    if sys.stdout is None:
+        return ending.exit_code
+    try:
+        if as_json:
+            print(printable_json(ending.document()))
+        sys.stdout.flush()
+    except OSError as problem:
+        drop(sys.stdout)
+        return READER_LEFT if isinstance(problem, BrokenPipeError) else ending.exit_code
+    return ending.exit_code
+
+
+@contextmanager
+def writing_to(name: str) -> Iterator[None]:
+    """Name the stream in an error of writing to it."""
+    try:
+        yield
+    except OSError as problem:
+        problem.filename = problem.filename or name
+        raise
+
+
+def drop(stream: TextIO) -> None:
+    """Let what could not be written to a standard stream go: writing it out at exit would fail once more."""
+    sink = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, stream.fileno())
+    os.close(sink)
 
 
 class PrintableFormatter(logging.Formatter):

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
-from scenectl.errors import DONE, FAILED, READER_LEFT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
-from scenectl.output import emit_error, plain_logs
+from scenectl.errors import DONE, FAILED, READER_LEFT, STANDARD_OUTPUT, WRONG_USAGE, Ending, Interrupted, ending_of, reader_left
+from scenectl.flags import is_given
+from scenectl.output import drop, emit_error, plain_logs, writing_to
 from scenefold.base.kernel_cache import use_kernel_cache
 
 GROUPS = {
@@ -54,31 +55,30 @@ def build_app() -> App:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     _plug()
+    _drop_empty_settings()
     use_kernel_cache()
     plain_logs()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
-    as_json, debug = "--json" in tokens, "--debug" in tokens
+    as_json, debug = is_given("--json", tokens), is_given("--debug", tokens)
     if sys.stdout is None:
         remedy = "send it to a file, or to /dev/null"
-        emit_error(Ending("failed", FAILED, "there is nowhere to write", where="standard output is closed", remedy=remedy), as_json=False)
-        return FAILED
+        ending = Ending("failed", FAILED, "there is nowhere to write", where="standard output is closed", remedy=remedy)
+        return emit_error(ending, as_json=False)
     try:
         result = build_app()(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-        sys.stdout.flush()
+        with writing_to(STANDARD_OUTPUT):
+            sys.stdout.flush()
         return result if isinstance(result, int) else DONE
     except CycloptsError as error:
-        emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
-        return WRONG_USAGE
+        return emit_error(_usage_ending(error), as_json=as_json, error=error if debug else None)
     except (Exception, KeyboardInterrupt, SystemExit, BaseExceptionGroup) as error:
         if reader_left(error):
-            # Writing out what is left at exit would fail once more.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            drop(sys.stdout)
             return READER_LEFT
         if isinstance(error, SystemExit):
             raise
         ending = ending_of(error)
-        emit_error(ending, as_json=as_json, error=error if debug and not isinstance(error, Interrupted) else None)
-        return ending.exit_code
+        return emit_error(ending, as_json=as_json, error=error if debug and not isinstance(error, Interrupted) else None)
 
 
 def _plug() -> None:
@@ -89,6 +89,12 @@ def _plug() -> None:
         os.close(place)
     if sys.stderr is None:
         sys.stderr = os.fdopen(2, "w", closefd=False)
+
+
+def _drop_empty_settings() -> None:
+    """A variable that is empty says as much as none: many who set up environments cannot take one away."""
+    for name in [name for name, value in os.environ.items() if name.startswith("SCENEFOLD_") and not value]:
+        del os.environ[name]
 
 
 def _usage_ending(error: CycloptsError) -> Ending:

@@ -152,7 +152,7 @@ def still(
     check_apart(
         "scenectl render still", {"the file": file, "--environment": environment, **images, "--resume": resume, "--report": report_to}
     )
-    check_files(file, *images.values(), *(path for path in (resume, report_to) if path is not None))
+    check_files(file, *images.values(), *(() if report_to is None else (report_to,)), kept=resume)
     job = StillJob(
         file=file,
         moment=moment,

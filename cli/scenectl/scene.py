@@ -16,8 +16,9 @@ from scenectl.modes import mode
 from scenectl.moment_values import FpsOption, FrameOption, TimeOption, moment_of
 from scenectl.names import SceneName, SceneOption
 from scenectl.observing import add_observer, remove_observer
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit, note, size_text, table
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
 from scenectl.purging import purge, strays
+from scenectl.replacing import replaced_text, tell_replaced
 from scenectl.scene_log import log
 from scenectl.settings import settings
 from scenectl.sharing import access, former_keys_text, grant, revoke, rotate_key, seconds_to_look
@@ -27,7 +28,6 @@ from scenefold.base.ids import address_of
 if TYPE_CHECKING:
     from scenefold.client import Deciders, FormerKeys, ImportReport, SceneInfo, SceneListing
     from scenefold.scene.importers import Moment
-    from scenefold.scene.payloads.document import SceneDocument
 
 app = App(name="scene", help="Make scenes, fill them, and say who may use them.", help_format="plaintext")
 VERBS: tuple[Callable[..., int | None], ...] = (
@@ -213,20 +213,16 @@ def import_(
     async def work(progress: Progress) -> ImportReport:
         async with connected(output.profile) as cluster:
             _, report = await cluster.scenes.import_file(
-                name, file, progress, speed, environment=environment, replacing=tell, moment=moment
+                name, file, progress, speed, environment=environment, replacing=tell_replaced(name), moment=moment
             )
             return report
-
-    def tell(content: SceneDocument) -> None:
-        triangles = counted(content.counts.get("triangles", 0), "triangle")
-        note(f"note: scene {name} shows {content.source} ({triangles}) already: this import replaces it.")
 
     with going_on("the same command goes on where it was"), Progress(quiet=output.json) as progress:
         report = run(work, progress)
     text = f"{file} is in scene {name}: {report.records} records, {size_text(report.bytes)}, {report.seconds:.1f} s."
     text += "".join(f"\nnot carried over: {line}" for line in report.not_carried)
     if report.replaced:
-        text += f"\nIt replaces {report.replaced}, whose records stay in the scene and its exports until they are deleted."
+        text += f"\n{replaced_text(report.replaced)}"
     emit(output, {"scene": name, "file": str(file), **report.document()}, text)
 
 

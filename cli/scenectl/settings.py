@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
+from scenectl.image_values import check_camera
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
 from scenectl.repeating import RequestOption, one_change
-from scenectl.values import ColourOption, SizeOption, whole
+from scenectl.values import ColourOption, SizeOption, real, whole
 from scenefold.base.image_limits import (
     ADAPTIVE_MAX,
-    CAMERA_NAME_BYTES_MAX,
     CLAMP_MAX,
     DEPTH_MAX,
     EXPOSURE_MAX,
@@ -37,17 +36,17 @@ def settings(
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None,
     depth: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
     sky: ColourOption | None = None,
-    exposure: Annotated[float | None, Parameter(validator=Number(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX))] = None,
+    exposure: Annotated[float | None, real(gte=-EXPOSURE_MAX, lte=EXPOSURE_MAX)] = None,
     camera: str | None = None,
-    aperture: Annotated[float | None, Parameter(validator=Number(gt=0, lte=COORDINATE_ABS_MAX))] = None,
-    focus: Annotated[float | None, Parameter(validator=Number(gte=FOCUS_MIN, lte=COORDINATE_ABS_MAX))] = None,
+    aperture: Annotated[float | None, real(gt=0, lte=COORDINATE_ABS_MAX)] = None,
+    focus: Annotated[float | None, real(gte=FOCUS_MIN, lte=COORDINATE_ABS_MAX)] = None,
     sampler: Literal["sobol", "independent"] | None = None,
     roulette_from: Annotated[int | None, whole(1, DEPTH_MAX)] = None,
-    clamp_direct: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
-    clamp_indirect: Annotated[float | None, Parameter(validator=Number(gt=0, lte=CLAMP_MAX))] = None,
-    adaptive: Annotated[float | None, Parameter(validator=Number(gt=0, lte=ADAPTIVE_MAX))] = None,
+    clamp_direct: Annotated[float | None, real(gt=0, lte=CLAMP_MAX)] = None,
+    clamp_indirect: Annotated[float | None, real(gt=0, lte=CLAMP_MAX)] = None,
+    adaptive: Annotated[float | None, real(gt=0, lte=ADAPTIVE_MAX)] = None,
     min_samples: Annotated[int | None, whole(MIN_SAMPLES_LEAST, SAMPLES_MAX)] = None,
-    environment_rotation: Annotated[float | None, Parameter(validator=Number(gte=-ROTATION_MAX, lte=ROTATION_MAX))] = None,
+    environment_rotation: Annotated[float | None, real(gte=-ROTATION_MAX, lte=ROTATION_MAX)] = None,
     clear: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     request: RequestOption = None,
     output: ProfileOutput = DEFAULT_PROFILE,
@@ -119,7 +118,7 @@ def settings(
     }
     given = {name: value for name, value in given.items() if value is not None}
     if camera is not None:
-        _check_camera(camera)
+        check_camera(camera)
     # As a render would say it.
     StillOptions(**given).checked()
 
@@ -134,18 +133,6 @@ def settings(
     with one_change("scene settings", request, is_none=not (given or clear)):
         found = run(ask)
     emit(output, {"scene": scene, **found.document()}, settings_text(found))
-
-
-def _check_camera(name: str) -> None:
-    from scenefold.base.errors import UsageFault
-
-    remedy = "give the name that a camera has in the scene"
-    try:
-        size = len(name.encode())
-    except UnicodeEncodeError:
-        raise UsageFault("a camera's name is text", where="--camera", remedy=remedy) from None
-    if not 0 < size <= CAMERA_NAME_BYTES_MAX:
-        raise UsageFault(f"a camera's name has 1 to {CAMERA_NAME_BYTES_MAX} bytes, not {size}", where="--camera", remedy=remedy)
 
 
 def settings_text(found: SettingsShown) -> str:

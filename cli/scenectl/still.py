@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from scenectl.output import note, size_text
+from scenectl.replacing import replaced_text, tell_replaced
 from scenectl.values import cluster_ports
 
 if TYPE_CHECKING:
@@ -94,8 +95,8 @@ class Phases:
             self.seconds[name] = round(self.seconds.get(name, 0.0) + time.monotonic() - begun, 3)
 
 
-def check_files(file: Path | None, *outputs: Path) -> None:
-    """Find what would fail only after minutes of work: a missing file, an output that cannot be written."""
+def check_files(file: Path | None, *outputs: Path, kept: Path | None = None) -> None:
+    """Find what would fail only after minutes of work: a missing file, an output that cannot be written. `kept`: the file of a kept render."""
     from scenefold.base.errors import LocalFault
     from scenefold.render.image_files import check_writable
 
@@ -103,12 +104,11 @@ def check_files(file: Path | None, *outputs: Path) -> None:
         raise LocalFault("that is a folder", where=str(file), remedy="name a scene file in it")
     if file is not None and not file.is_file():
         raise LocalFault("there is no such scene file", where=str(file), remedy="check the path")
-    probed: set[Path] = set()
-    for path in outputs:
-        # Frames are many, and most of them lie in one folder.
-        if path.parent not in probed or path.is_dir():
-            check_writable(path)
-        probed.add(path.parent)
+    check_writable(*outputs)
+    if kept is not None:
+        from scenefold.render.kept import check_keepable
+
+        check_keepable(kept)
 
 
 def check_apart(where: str, named: Mapping[str, Path | None]) -> None:
@@ -150,7 +150,9 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
                 if job.profile is None:
                     # It ends with this cluster, whose nodes have one disk: copies save from nothing but the death of a single node.
                     await cluster.scenes.create(job.scene_name, copies=1 if strike is None else COPIES_OF_STRUCK)
-                scene, imported = await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
+                scene, imported = await cluster.scenes.import_prepared(
+                    job.scene_name, prepared, progress, replacing=tell_replaced(job.scene_name)
+                )
                 prepared = None  # The file's meshes need not stay in memory while the nodes render.
         if embedded is not None:
             embedded.may_die(embedded.addresses)
@@ -222,7 +224,9 @@ def report_text(report: dict[str, Any]) -> str:
         lines.append(f"  {'parts of the scene:':<28}{memory['cells']}, built {memory['trees_built']} times")
     seconds = ", ".join(f"{phase} {value:.1f}" for phase, value in report["seconds"].items())
     lines.append(f"  {'seconds:':<28}{seconds}")
-    lines += [f"  not carried over: {missing}" for missing in (report.get("import") or {}).get("not_carried", [])]
+    imported = report.get("import") or {}
+    lines += [f"  not carried over: {missing}" for missing in imported.get("not_carried", [])]
+    lines += [f"  {replaced_text(imported['replaced'])}"] if imported.get("replaced") else []
     lines.append(f"  {'image sha256:':<28}{report['image_sha256']}")
     return "\n".join(lines)
 

@@ -11,6 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scenectl.partition_options import numbered
+from scenectl.replacing import tell_replaced
 from scenectl.still import ImageFiles, Phases, StillJob, write_image
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ async def _scene(job: StillJob, cluster: Cluster, phases: Phases, progress: Prog
         prepared = await prepare_import(cluster.calls.world, job.file, progress, job.moment, job.environment)
     prepared.check_camera(job.options.camera)
     with phases.time("import"):
-        return await cluster.scenes.import_prepared(job.scene_name, prepared, progress)
+        return await cluster.scenes.import_prepared(job.scene_name, prepared, progress, replacing=tell_replaced(job.scene_name))
 
 
 def _profile_of(profile: str) -> str:

@@ -287,6 +287,22 @@ def _whole_number(_kind: Any, tokens: Sequence[Token]) -> int:
     return int(text)
 
 
+def real(*, gt: float | None = None, gte: float | None = None, lte: float, env_var: str | None = None) -> Parameter:
+    """An option that is a number within bounds; cyclopts alone would say of what is none that it is too large."""
+    return Parameter(converter=_number, validator=Number(gt=gt, gte=gte, lte=lte), env_var=env_var)
+
+
+def _number(_kind: Any, tokens: Sequence[Token]) -> float:
+    text = tokens[0].value
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if math.isnan(value):
+        raise ValueError(f"a number is expected, not {text[:80]!r}")
+    return value
+
+
 def is_digits(text: str) -> bool:
     return text.isascii() and text.isdigit() and len(text) < 10
 

@@ -9,8 +9,7 @@ from scenefold.base.limits import SPACE_NAME_BYTES_MAX
 NAME_CHARACTERS_MAX = 64
 USER_NAME_CHARACTERS_MAX = 50
 """So a certificate's common name, which has 64, holds one for certain."""
-SPACE_NAME_RULE = f"1 to {SPACE_NAME_BYTES_MAX} printable characters, not all of them digits"
-"""Bytes in UTF-8; most people need not know."""
+SPACE_NAME_RULE = f"printable characters, 1 to {SPACE_NAME_BYTES_MAX} bytes of UTF-8, not all of them digits"
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 

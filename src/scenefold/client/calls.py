@@ -8,9 +8,10 @@ bounded; then the last error is the caller's, in words.
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable, Container, Sequence
+from collections.abc import Awaitable, Callable, Container, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
+from types import MappingProxyType
 from typing import TypeVar
 
 import trio
@@ -45,16 +46,31 @@ from scenefold.world import Links, Priority, World
 LEARN_NODES_MAX = 3
 """Nodes that are asked for a first table; with more of them away, a call had better begin to fail by itself."""
 
+NO_REASONS: Mapping[str, str] = MappingProxyType({})
+
 Answer = TypeVar("Answer", bound=Packet)
 Result = TypeVar("Result")
 
 
-def no_answer(addresses: Sequence[str], last: ScenefoldError | None) -> Unreachable:
-    """The error if none of these nodes answers; the last one's reason often is everybody's."""
-    why = "" if last is None else f": {last.what.removeprefix('no connection to the node: ')}"
-    where = ", ".join(addresses[:4]) + (" and others" if len(addresses) > 4 else "")
+def no_answer(addresses: Sequence[str], last: ScenefoldError | None, reasons: Mapping[str, str] = NO_REASONS) -> Unreachable:
+    """The error if none of these nodes answers; the last one's reason often is everybody's. `reasons`: by address, as far as they are known."""
+    why, where = "" if last is None else f": {_reason(last.what)}", _few(addresses)
+    alike: dict[str, list[str]] = {}
+    for address in addresses:
+        if address in reasons:
+            alike.setdefault(_reason(reasons[address]), []).append(address)
+    if len(alike) > 1:
+        why, where = "", "; ".join(f"{_few(those)}: {reason}" for reason, those in alike.items())
     remedy = "see that the nodes run (`scenectl node run`), can be reached, and are those of this profile; `seeds` in its cluster.toml may name others"
     return Unreachable(f"no node of the cluster answers{why}", where=where, remedy=remedy)
+
+
+def _reason(what: str) -> str:
+    return what.removeprefix("no connection to the node: ")
+
+
+def _few(addresses: Sequence[str]) -> str:
+    return ", ".join(addresses[:4]) + (" and others" if len(addresses) > 4 else "")
 
 
 class Calls:
@@ -141,11 +157,12 @@ class Calls:
     ) -> Answer:
         """One request, one try. Unreachable if there is no reply, Refused if it is a Fault, PeerFault if it is no such answer."""
         self.check_own()
+        self._contact.asked(address)
         try:
             reply = await self._links.request(address, priority, packet, timeout_s)
         except Unreachable as problem:
             self._silent[address] = self.world.clock.now()
-            self._contact.failed(problem)
+            self._contact.failed(address, problem)
             raise
         except (Refused, PeerFault):
             self._contact.made()
@@ -237,7 +254,7 @@ class Calls:
 
     def _no_answer(self, last: Unreachable) -> Unreachable:
         """Of all nodes."""
-        return no_answer(self._addresses_from(self.table.owners[0].node_id), last)
+        return no_answer(self._addresses_from(self.table.owners[0].node_id), last, self._contact.reasons)
 
     async def refresh(self, first: NodeId | None = None) -> RespondTable:
         """Take the routing table of any node, `first` if it answers."""

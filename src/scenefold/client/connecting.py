@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import LocalFault, UsageFault
 from scenefold.client.cluster import Cluster
 from scenefold.client.known_log import Known
 from scenefold.client.renewal import renew_if_due
@@ -60,6 +60,7 @@ def profile_folder(profile: str | Path | None) -> Path:
     """The folder of a profile: the one named if it exists, else that of this name among the user's profiles."""
     import platformdirs
 
+    _check_named(profile)
     wanted = Path(DEFAULT_PROFILE if profile is None else profile)
     named = Path(platformdirs.user_config_path("scenefold", appauthor=False)) / wanted
     if profile is not None and (wanted.is_dir() or wanted.is_absolute()):
@@ -75,11 +76,18 @@ def profile_place(profile: str | Path | None) -> Path:
     """The folder of a profile that need not be there yet: as `profile_folder`, else the path that was given, or the default name."""
     import platformdirs
 
+    _check_named(profile)
     try:
         return profile_folder(profile)
     except LocalFault:
         default = Path(platformdirs.user_config_path("scenefold", appauthor=False)) / DEFAULT_PROFILE
         return default if profile is None else Path(profile)
+
+
+def _check_named(profile: str | Path | None) -> None:
+    # As a path it would be the current folder, which is hardly ever meant.
+    if profile == "":
+        raise UsageFault("the name of the profile is empty", where="--profile", remedy="name a folder, or leave it out for the default one")
 
 
 def create_cluster(

@@ -24,6 +24,7 @@ from scenefold.base.limits import (
 from scenefold.client.hedging import more_telling
 
 Result = TypeVar("Result")
+SILENT = "no answer in time"
 
 
 class NoContact(Unreachable):
@@ -35,6 +36,8 @@ class FirstContact:
 
     def __init__(self) -> None:
         self.is_made = False
+        self._ends: dict[str, Unreachable | None] = {}
+        """How it ended at whom was asked, by address; None: no try has ended."""
         self._problem: Unreachable | None = None
         self._scopes: set[trio.CancelScope] = set()
 
@@ -54,9 +57,20 @@ class FirstContact:
         for scope in self._scopes:
             scope.deadline = math.inf
 
-    def failed(self, problem: Unreachable) -> None:
+    def asked(self, address: str) -> None:
+        """One more is being asked."""
+        self._ends.setdefault(address, None)
+
+    def failed(self, address: str, problem: Unreachable) -> None:
         """One more could not be reached."""
+        before = self._ends.get(address)
+        self._ends[address] = problem if before is None else more_telling(before, problem)
         self._problem = problem if self._problem is None else more_telling(self._problem, problem)
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        """What is known of each that was asked, by address, while nobody has answered."""
+        return {} if self.is_made else {address: SILENT if end is None else end.what for address, end in self._ends.items()}
 
     async def bounded(self, call: Callable[[], Awaitable[Result]]) -> Result:
         """What the call gives or raises; NoContact if nobody answers anything in time."""
@@ -68,4 +82,4 @@ class FirstContact:
                 return await call()
             finally:
                 self._scopes.discard(scope)
-        raise NoContact("it does not answer in time" if self._problem is None else self._problem.what)
+        raise NoContact(SILENT if self._problem is None else self._problem.what)

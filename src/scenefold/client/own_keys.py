@@ -15,10 +15,10 @@ from typing import Any
 
 from scenefold.base.errors import LocalFault
 from scenefold.base.ids import KeyId
-from scenefold.client.connecting import DEFAULT_PROFILE, profile_folder
+from scenefold.client.connecting import profile_folder, profile_place
 from scenefold.crypto import SUITES, MemberSecrets
 from scenefold.crypto.secret_folder import AskPassphrase, SecretFolder
-from scenefold.world.key_archive import Taken, export_keys, import_keys, lock_user, unlock_user
+from scenefold.world.key_archive import Taken, check_keys_file, export_keys, import_keys, lock_user, unlock_user
 from scenefold.world.own_papers import own_card
 from scenefold.world.profile import ClusterProfile
 
@@ -125,19 +125,9 @@ def write_keys(profile: str | Path | None, target: Path, user: str | None, wante
 
 def put_back(source: Path, profile: str | Path | None, wanted: Callable[[], str]) -> tuple[Path, Taken]:
     """Put a file of keys back into a profile, which is made if there is none. Returns its folder, and what came in."""
-    try:
-        folder = profile_folder(profile)
-    except LocalFault:
-        folder = _new_folder(profile)
+    folder = profile_place(profile)
+    check_keys_file(source)
     return folder, import_keys(source, folder, wanted(), secrets.token_bytes)
-
-
-def _new_folder(profile: str | Path | None) -> Path:
-    import platformdirs
-
-    if profile is not None:
-        return Path(profile)
-    return Path(platformdirs.user_config_path("scenefold", appauthor=False)) / DEFAULT_PROFILE
 
 
 def _user_folder(known: ClusterProfile, user: str) -> Path:

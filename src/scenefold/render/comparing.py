@@ -67,35 +67,35 @@ class Compared:
 def compared(document: object, source: str) -> Compared:
     """What counts of a report; LocalFault if it is none. `source`: a file's name, or a render's."""
     try:
-        if not isinstance(document, Mapping):
-            raise TypeError("an object is expected")
-        return _compared(document, source)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        what = f"that is no report of a render ({type(error).__name__}: {error!s:.120})"
+        return _compared(_mapping(document), source)
+    except (TypeError, ValueError) as error:
+        what = f"that is no report of a render: {error!s:.120}"
         remedy = "give what `scenectl render still --report FILE` or `--json` has written"
         raise LocalFault(what, where=source, remedy=remedy) from error
 
 
 def _compared(document: Mapping[str, Any], source: str) -> Compared:
-    rows = document["render_nodes"]
-    alone = None if rows else document.get("memory")
-    paths, passed = whole(document["paths"], 1, _COUNT_MAX), whole(document["bytes_passed"], 0, _COUNT_MAX)
+    rows = _said(document, "render_nodes", _rows)
+    alone = None if rows else _if_said(document, "memory", _mapping)
+    paths, passed = _said(document, "paths", lambda value: whole(value, 1, _COUNT_MAX)), _said(document, "bytes_passed", _count)
     # What came with a kept render was traced, and passed on, by another one.
-    before = whole(document.get("paths_before", 0), 0, paths)
-    traced, rays_passed = max(paths - before, 1), _seconds(document["rays_passed_per_path"])
+    before = _if_said(document, "paths_before", lambda value: whole(value, 0, paths)) or 0
+    traced, rays_passed = max(paths - before, 1), _said(document, "rays_passed_per_path", _seconds)
     if "rays_passed" in document:
-        rays_passed = _count(document["rays_passed"]) / traced
-    tail = document.get("tail")
-    early, late = (None, None) if tail is None else (_seconds(tail["seconds_to_95"]), _seconds(tail["seconds_to_100"]))
+        rays_passed = _said(document, "rays_passed", _count) / traced
+    tail = _if_said(document, "tail", _mapping)
+    early, late = (None, None) if tail is None else (_said(tail, "seconds_to_95", _seconds), _said(tail, "seconds_to_100", _seconds))
     processor: float | None = (
-        _seconds(document["processor_seconds"]["render"]) if alone else _all_of(rows, "processor_seconds", _used_s, _sum_s)
+        _said(_said(document, "processor_seconds", _mapping), "render", _seconds)
+        if alone
+        else _all_of(rows, "processor_seconds", _used_s, _sum_s)
     )
     return Compared(
         report=source,
-        partition="out-of-core" if alone else text(document.get("partition", "spatial")),
-        scene=None if document.get("scene") is None else text(document["scene"]),
+        partition="out-of-core" if alone else _if_said(document, "partition", text) or "spatial",
+        scene=_if_said(document, "scene", text),
         nodes=max(len(rows), 1),
-        seconds=sum(map(_seconds, document["render_seconds"].values())),
+        seconds=_said(document, "render_seconds", lambda value: sum(map(_seconds, _mapping(value).values()))),
         processor_seconds=processor,
         memory_most=_all_of([alone] if alone else rows, "memory_most", _used, max),
         bytes_read=None if alone else _all_of(rows, "bytes_read", _count, sum),
@@ -104,7 +104,7 @@ def _compared(document: Mapping[str, Any], source: str) -> Compared:
         paths=paths,
         transfers_per_path=rays_passed,
         bytes_per_path=passed / traced,
-        efficiency=_seconds(document["efficiency"]),
+        efficiency=_said(document, "efficiency", _seconds),
         efficiency_of_rounds=_if_said(document, "efficiency_of_rounds", _seconds),
         rounds=_if_said(document, "rounds", len),
         cells_moved=_if_said(document, "cells_moved", _count),
@@ -117,14 +117,35 @@ def _compared(document: Mapping[str, Any], source: str) -> Compared:
 
 def _all_of(rows: Sequence[Mapping[str, Any]], name: str, kind: Callable[[object], T | None], together: Callable[[list[T]], T]) -> T | None:
     """Of all nodes; None if one does not say it."""
-    values = [None if row.get(name) is None else kind(row[name]) for row in rows]
+    values = [_if_said(row, name, kind) for row in rows]
     known = [value for value in values if value is not None]
     return together(known) if known and len(known) == len(values) else None
 
 
+def _said(document: Mapping[str, Any], name: str, kind: Callable[[Any], Any]) -> Any:
+    """A value by its key; ValueError that names the key if there is none, or it is of another kind."""
+    if name not in document:
+        raise ValueError(f"it has no {name!r}")
+    try:
+        return kind(document[name])
+    except (TypeError, ValueError):
+        raise ValueError(f"its {name!r} cannot be {document[name]!r:.40}") from None
+
+
 def _if_said(document: Mapping[str, Any], name: str, kind: Callable[[Any], Any]) -> Any:
-    value = document.get(name)
-    return None if value is None else kind(value)
+    return None if document.get(name) is None else _said(document, name, kind)
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise TypeError("it is no object")
+    return value
+
+
+def _rows(value: object) -> Sequence[Mapping[str, Any]]:
+    if not isinstance(value, list | tuple):
+        raise TypeError("it is no list")
+    return [_mapping(row) for row in value]
 
 
 def _count(value: object) -> int:

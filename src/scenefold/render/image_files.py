@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
+import stat
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -72,23 +73,40 @@ def image_sha256(beauty: Layer) -> str:
     return hashlib.sha256(np.ascontiguousarray(beauty, dtype="<f4").tobytes()).hexdigest()
 
 
-def check_writable(path: Path) -> None:
-    """LocalFault unless a file can be made in the folder of `path`: asked before the work, not after it."""
-    folder = path.parent
-    if path.is_dir():
-        raise LocalFault("the output is a folder", where=str(path), remedy="name a file in it")
+def check_writable(*paths: Path) -> None:
+    """LocalFault unless a file can be made at each of these places: asked before the work, not after it."""
+    probed: set[Path] = set()
+    for path in paths:
+        folder = path.parent
+        try:
+            is_folder = stat.S_ISDIR(path.stat().st_mode)
+        except (FileNotFoundError, NotADirectoryError):
+            is_folder = False
+        except OSError as error:
+            raise LocalFault(f"cannot write there: {error.strerror}", where=str(path), remedy="give the output another name") from error
+        if is_folder:
+            raise LocalFault("the output is a folder", where=str(path), remedy="name a file in it")
+        # Frames are many, and most of them lie in one folder.
+        if folder not in probed:
+            _check_folder(folder, _draft_of(path))
+            probed.add(folder)
+
+
+def _check_folder(folder: Path, draft: Path) -> None:
     if not folder.is_dir():
         raise LocalFault("the output folder does not exist", where=str(folder), remedy="make it first")
     try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        try:
+            draft.touch()
+        finally:
+            draft.unlink(missing_ok=True)
     except OSError as error:
         raise LocalFault(f"cannot write there: {error.strerror}", where=str(folder), remedy="choose another output folder") from error
 
 
 def write_atomically(path: Path, write: Callable[[Path], object], what: str = "the image") -> None:
     """Have `write` write a file beside it, and put that in its place; LocalFault, with what was there as it was, if one of both fails."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    temporary = _draft_of(path)
     try:
         write(temporary)
         temporary.replace(path)
@@ -96,7 +114,13 @@ def write_atomically(path: Path, write: Callable[[Path], object], what: str = "t
         reason = getattr(error, "strerror", None) or str(error)
         raise LocalFault(f"cannot write {what}: {reason}", where=str(path), remedy="check the folder and the free space") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def _draft_of(path: Path) -> Path:
+    """A short name, so that the target's may be as long as the system lets it be; another one for each target and process."""
+    return path.with_name(f".{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}.{os.getpid()}.part")
 
 
 def _planes(layer: str, pixels: Pixels) -> list[Pixels]:

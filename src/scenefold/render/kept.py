@@ -17,6 +17,7 @@ from typing import Any
 from scenefold.base.errors import DamagedData, LocalFault, ScenefoldError
 from scenefold.base.plain_values import exactly, text, whole
 from scenefold.crypto.drafts import new_file, sweep_files, sync_folder
+from scenefold.render.image_files import check_writable
 from scenefold.render.job import HASH_BYTES, RenderOptions
 from scenefold.render.pool.kept_film import film_size
 from scenefold.render.pool.request import Keep, options_document
@@ -43,6 +44,18 @@ def asked_of(options: RenderOptions) -> dict[str, Any]:
     """Of a render's options those that decide the bits of its image: how space was divided among nodes does not."""
     document = options_document(options)
     return {name: value for name, value in document.items() if name not in {"algorithm", "moving"}}
+
+
+def check_keepable(path: Path) -> None:
+    """LocalFault unless a kept render may lie there, and a draft of one beside it: asked before the work."""
+    check_writable(path)
+    _check_regular(path)
+    try:
+        with new_file(path):
+            pass
+    except OSError as error:
+        what = f"cannot keep the render: {error.strerror or error}"
+        raise LocalFault(what, where=str(path), remedy="name another file for it") from None
 
 
 def write_kept(path: Path, kept: KeptRender) -> None:
@@ -77,6 +90,7 @@ def read_kept(path: Path, options: RenderOptions) -> KeptRender | None:
     DamagedData if it is no kept render, or not whole; LocalFault if it is of other options, naming one of them.
     """
     try:
+        _check_regular(path)
         with path.open("rb") as file:
             start = file.read(len(_MAGIC) + _LENGTH.size)
             if len(start) != len(_MAGIC) + _LENGTH.size or not start.startswith(_MAGIC):
@@ -97,6 +111,13 @@ def read_kept(path: Path, options: RenderOptions) -> KeptRender | None:
     if _digest(start + head, film) != digest:
         raise DamagedData("the kept render is damaged", where=str(path), remedy=_ANEW)
     return KeptRender(asked, keep, film)
+
+
+def _check_regular(path: Path) -> None:
+    # Who opens a pipe that nobody writes to waits for ever.
+    if path.exists() and not path.is_file():
+        what = "cannot read the kept render: that is not a regular file"
+        raise LocalFault(what, where=str(path), remedy="name another file, or one that is not there yet")
 
 
 def _head_of(packed: bytes, path: Path) -> tuple[dict[str, Any], Keep]:

@@ -12,9 +12,8 @@ import trio
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.client import Cluster
-from scenefold.render.image_files import check_writable
 from scenefold.render.job import RenderOptions
-from scenefold.render.kept import KeptRender, asked_of, write_kept
+from scenefold.render.kept import KeptRender, asked_of, check_keepable, write_kept
 from scenefold.render.pool.kept_film import PIECE_BYTES, film_size
 from scenefold.render.pool.request import Keep, RenderRequest
 from scenefold.render.pool.telling import error_of
@@ -39,7 +38,7 @@ class Keeper:
     """The file of a kept render."""
 
     def __init__(self, cluster: Cluster, path: Path, options: RenderOptions, kept: KeptRender | None) -> None:
-        check_writable(path)
+        check_keepable(path)
         self._cluster, self._path, self._options = cluster, path, options
         self.keep = Keep() if kept is None else kept.keep
         """What it holds."""

@@ -95,6 +95,11 @@ def export_keys(profile: Path, target: Path, passphrase: str, token: Token, ask:
     return Taken.of(kind, files, _cluster_of(profile))
 
 
+def check_keys_file(source: Path) -> None:
+    """LocalFault if no keys are to be had from a file, whatever the passphrase: asked before anybody types one."""
+    _check_locked(_content(source, ARCHIVE_BYTES_MAX), str(source))
+
+
 def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> Taken:
     """Put back what `export_keys` wrote, into a profile of the same cluster or a new one.
 
@@ -116,10 +121,14 @@ def import_keys(source: Path, profile: Path, passphrase: str, token: Token) -> T
     return taken
 
 
-def _opened(data: bytes, passphrase: str, where: str) -> tuple[str, dict[str, bytes]]:
-    """The kind and the files of a file of keys; LocalFault for one that cannot be put back, WrongPassphrase."""
+def _check_locked(data: bytes, where: str) -> None:
     if not is_locked(data):
         raise LocalFault("the file holds no keys", where=where, remedy="give one that `scenectl key backup` or `key export` wrote")
+
+
+def _opened(data: bytes, passphrase: str, where: str) -> tuple[str, dict[str, bytes]]:
+    """The kind and the files of a file of keys; LocalFault for one that cannot be put back, WrongPassphrase."""
+    _check_locked(data, where)
     kind, files = unpack_archive(unlock(data, passphrase, where), (BACKUP, IDENTITY), where)
     files.pop(LOG_FILE, None)  # Earlier versions took it along.
     if len(data) > ARCHIVE_BYTES_MAX or _SETTINGS not in files or not all(_has_place(name) for name in files):

@@ -33,5 +33,6 @@ def draft_of(profile: Path, step: str = "") -> Iterator[Path]:
             draft = whole.enter_context(new_folder(profile.with_name(profile.name + step)))
         except OSError as problem:
             what = f"cannot make a folder there: {problem.strerror or problem}"
-            raise LocalFault(what, where=str(profile.parent), remedy="check its permissions") from problem
+            remedy = "check its permissions" if isinstance(problem, PermissionError) else "choose another folder"
+            raise LocalFault(what, where=str(profile.parent), remedy=remedy) from problem
         yield draft

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -130,6 +131,15 @@ def test_outputs_that_cannot_be_written(capsys: pytest.CaptureFixture[str]) -> N
     assert "is a folder" in refusal(capsys, "square.obj", "-o", "taken.exr")
     # /proc takes no files, not even from root, which could write into any folder of ours.
     assert "cannot write there" in refusal(capsys, "square.obj", "-o", "/proc/o.exr")
+
+
+def test_names_that_are_too_long_and_pipes_are_found_before_the_work(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("square.obj").write_text(SQUARE)
+    os.mkfifo("pipe")
+    assert "File name too long" in refusal(capsys, "square.obj", "-o", f"{'a' * 252}.exr")
+    assert "File name too long" in refusal(capsys, "square.obj", "--report", "a" * 256)
+    assert "File name too long" in refusal(capsys, "square.obj", "--resume", "a" * 250)
+    assert "not a regular file" in refusal(capsys, "square.obj", "--resume", "pipe")
 
 
 def test_a_scene_name_that_cannot_be(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from scenectl.draining import could_leave, leave, plan_text
 from scenectl.errors import Interrupted, ending_of
+from scenectl.program import main
 from scenefold.base.errors import DamagedData, LocalFault, PeerFault, Refused, Unreachable, UsageFault
 from scenefold.base.reasons import RejectReason
 from scenefold.client import DrainReport
@@ -97,6 +98,24 @@ def test_when_nobody_reads_any_more_it_ends_quietly(program: list[str]) -> None:
         os.close(reader)
         _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (141, b"")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "is_json"),
+    [
+        (("--json",), True),
+        (("--json=true",), True),
+        (("--json=YES",), True),
+        (("--json=nonsense",), True),
+        (("--json=false",), False),
+        (("--jsonx",), False),
+        (("--", "--json"), False),
+        (("--json", "--", "--json"), True),
+    ],
+)
+def test_an_error_has_its_object_as_the_result_would(arguments: tuple[str, ...], is_json: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["key", "show", "--profile", "nowhere", *arguments]) in (1, 2)
+    assert bool(capsys.readouterr().out) == is_json
 
 
 def test_a_plan_to_drain_says_what_would_move_and_what_keeps_it() -> None:

@@ -32,7 +32,7 @@ async def test_an_import_into_a_cluster_tells_what_was_not_carried_over(monkeypa
     async def prepared(*_: object) -> Any:
         return SimpleNamespace(check_camera=lambda _: None)
 
-    async def imported(*_: object) -> Any:
+    async def imported(*_: object, **_options: object) -> Any:
         return "the scene", report
 
     monkeypatch.setattr(scenefold.client, "prepare_import", prepared)

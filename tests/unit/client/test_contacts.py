@@ -144,3 +144,30 @@ async def test_once_somebody_has_answered_each_request_has_its_own_time(autojump
         return trio.current_time()
 
     assert await calls.patiently(slow) >= 2 * CLIENT_CONTACT_S
+
+
+class Frozen(Dropping):
+    """Nodes that are away take connections and say nothing; at the address of the last one nothing runs."""
+
+    async def request(self, address: str, priority: Priority, packet: Packet, timeout: float) -> Packet:
+        if address == address_of(node(2)):
+            raise NotReached("no connection to the node: Connection refused", where=address)
+        await trio.sleep_forever()
+        raise AssertionError
+
+
+@pytest.mark.parametrize("refresh", [True, False])
+async def test_who_says_nothing_is_not_called_refused_as_another_is(
+    autojump_clock: MockClock, profile: ClusterProfile, refresh: bool
+) -> None:
+    calls = Frozen((FIRST,)).cluster(profile, view_of(*joined(2))).calls
+
+    async def ask_the_first() -> ScenesListed:
+        return await calls.patiently(lambda: calls.ask(FIRST, ListScenes(0), ScenesListed))
+
+    with pytest.raises(Unreachable) as silence:
+        await (ask_the_first() if refresh else calls.ask_any(ListScenes(0), ScenesListed))
+    assert silence.value.what == "no node of the cluster answers"
+    groups = dict(reversed(group.split(": ")) for group in silence.value.where.split("; "))
+    assert groups["Connection refused"] == address_of(node(2))
+    assert set(groups["no answer in time"].split(", ")) == {FIRST, address_of(node(1))}

@@ -81,3 +81,20 @@ def test_a_figure_of_another_kind_is_one_clear_error_or_none(key: str, odd: obje
 def test_what_is_no_report(document: object) -> None:
     with pytest.raises(LocalFault, match="no report of a render"):
         compared(document, "x.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"render_nodes": [5]}, "its 'render_nodes' cannot be [5]"),
+        ({"memory": 5, "render_nodes": []}, "its 'memory' cannot be 5"),
+        ({"tail": {"seconds_to_95": 1.0}}, "it has no 'seconds_to_100'"),
+        ({"efficiency": "good"}, "its 'efficiency' cannot be 'good'"),
+        ({"render_seconds": {"prepare": -1}}, "its 'render_seconds' cannot be {'prepare': -1}"),
+        ({"rounds": 7}, "its 'rounds' cannot be 7"),
+    ],
+)
+def test_what_is_wrong_with_a_report_is_named_by_its_key(change: dict[str, object], what: str) -> None:
+    with pytest.raises(LocalFault) as refused:
+        compared(SPATIAL | change, "a.json")
+    assert refused.value.what == f"that is no report of a render: {what}"

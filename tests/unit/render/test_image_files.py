@@ -88,3 +88,18 @@ def test_an_unwritable_output_is_noticed_before_the_work(tmp_path: Path) -> None
         check_writable(tmp_path / "missing" / "a.exr")
     with pytest.raises(LocalFault, match="is a folder"):
         check_writable(tmp_path)
+
+
+def test_a_name_may_be_as_long_as_the_system_lets_it_be(tmp_path: Path) -> None:
+    path = tmp_path / f"{'a' * 251}.exr"
+    check_writable(path)
+    write_exr(path, _layers(), {})
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_name_that_is_too_long_is_noticed_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(LocalFault, match=r"File name too long .*: give the output another name"):
+        check_writable(tmp_path / "a.exr", tmp_path / f"{'a' * 252}.exr")
+    with pytest.raises(LocalFault, match="cannot write the image: File name too long"):
+        write_exr(tmp_path / f"{'a' * 252}.exr", _layers(), {})
+    assert not [*tmp_path.iterdir()]

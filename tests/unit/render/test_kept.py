@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.job import RenderOptions
-from scenefold.render.kept import KeptRender, asked_of, read_kept, write_kept
+from scenefold.render.kept import KeptRender, asked_of, check_keepable, read_kept, write_kept
 from scenefold.render.levels import Adaptive
 from scenefold.render.pool.kept_film import film_size, kept_bytes, packed_film, stage_end, unpack_film
 from scenefold.render.pool.request import Keep
@@ -82,6 +83,22 @@ def test_where_nothing_can_be_written_is_one_clear_error(tmp_path: Path) -> None
         write_kept(tmp_path / "no folder" / "kept", KEPT)
     with pytest.raises(LocalFault, match="cannot read the kept render"):
         read_kept(tmp_path, OPTIONS)
+
+
+@pytest.mark.timeout(20)
+def test_a_pipe_is_refused_and_never_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "kept"
+    os.mkfifo(pipe)
+    for look in (check_keepable, lambda path: read_kept(path, OPTIONS)):
+        with pytest.raises(LocalFault, match="not a regular file"):
+            look(pipe)
+
+
+def test_where_nothing_can_be_kept_is_noticed_before_the_work(tmp_path: Path) -> None:
+    check_keepable(tmp_path / "kept")
+    with pytest.raises(LocalFault, match="cannot keep the render: File name too long"):
+        check_keepable(tmp_path / ("k" * 240))
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize("columns", [PLAIN, FULL])

@@ -146,11 +146,15 @@ def _plan(tables: SceneTables, options: RenderOptions, asked: OutOfCore) -> tupl
     if cells.largest > limit:
         least = -(-(cells.largest + beside) // MIB)
         raise LocalFault(
-            f"a budget of {asked.memory / MIB:.0f} MiB is too small: of this scene and image, {beside / MIB:.0f} MiB must lie in memory beside trees, and {cells.largest / MIB:.0f} MiB for those of one part",
+            f"a budget of {_amount(asked.memory)} is too small: of this scene and image, {beside / MIB:.0f} MiB must lie in memory beside trees, and {cells.largest / MIB:.0f} MiB for those of one part",
             where="memory",
             remedy=f"give at least {least} MiB",
         )
     return cells, limit
+
+
+def _amount(count: int) -> str:
+    return f"{count / MIB:.0f} MiB" if count >= MIB else f"{count:,} bytes"
 
 
 def beside_trees(tables: SceneTables, options: RenderOptions, threads: int) -> int:

@@ -31,7 +31,7 @@ _ROWS = 64
 
 def read_environment(path: Path) -> tuple[Environment, list[str]]:
     """The map of a file, and what of it was not carried over, in words; LocalFault if it is none."""
-    readable_size(path)
+    readable_size(path, "an environment map")
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         kinds = ", ".join(_READERS)

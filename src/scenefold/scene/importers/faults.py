@@ -14,12 +14,12 @@ def bad_file(path: Path, what: str, remedy: str = _REPAIR) -> LocalFault:
     return LocalFault(what, where=str(path), remedy=remedy)
 
 
-def readable_size(path: Path) -> int:
-    """The size in bytes of a regular, readable file that is not empty; LocalFault otherwise."""
+def readable_size(path: Path, what: str = "a scene file") -> int:
+    """The size in bytes of a regular, readable file that is not empty; LocalFault otherwise. `what` it is to be, as people call it."""
     try:
         if not path.is_file():
             found = "is not a regular file" if path.exists() else "does not exist"
-            raise LocalFault(f"the file {found}", where=str(path), remedy="give the path of a scene file")
+            raise LocalFault(f"the file {found}", where=str(path), remedy=f"give the path of {what}")
         size = path.stat().st_size
         with path.open("rb") as file:
             file.read(1)
