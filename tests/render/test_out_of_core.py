@@ -14,6 +14,7 @@ import trio
 from numpy.typing import NDArray
 
 from scenefold.base.errors import LocalFault
+from scenefold.render import compiling as compiling_module
 from scenefold.render.compiling import compile_apart
 from scenefold.render.developing import develop
 from scenefold.render.film import Film
@@ -22,7 +23,6 @@ from scenefold.render.in_memory import one_node_job
 from scenefold.render.job import RenderOptions
 from scenefold.render.levels import Adaptive
 from scenefold.render.numbers import depth_of_box, job_box
-from scenefold.render.out_of_core import compiling as compiling_module
 from scenefold.render.out_of_core import spill as spill_module
 from scenefold.render.out_of_core import tracing as tracing_module
 from scenefold.render.out_of_core.cells import Cells, cells_within
