@@ -91,12 +91,12 @@ def a_glowing_rectangle(renderer: Renderer) -> None:
 
 def instances_of_a_far_rectangle(renderer: Renderer) -> None:
     """The same one, made far away from where it is placed, and once more where it hardly counts: the caster carries rays to where it was made."""
-    for away in (10.0, 3_000.0):
-        rectangle = [grid((-0.3 - away, 0.6 + away, -0.3), (0.8, 0, 0), (0, 0, 0.6), 1, 1)]
-        placed = [(0, moved(0, 0, 0)), (1, moved(away, -away, 0)), (1, moved(away + 30, -away, 0))]
-        source = scene([_FLOOR, rectangle], [_FLOOR_MATERIAL, _GLOWING], [_EYE], placed=placed)
-        image = Rig(source, renderer, 12).render(width=12, height=12, samples=900, depth=2)
-        _expect_light_of_rectangle(image, f"an instance of a glowing rectangle, made {away:g} away")
+    away = 3_000.0
+    rectangle = [grid((-0.3 - away, 0.6 + away, -0.3), (0.8, 0, 0), (0, 0, 0.6), 1, 1)]
+    placed = [(0, moved(0, 0, 0)), (1, moved(away, -away, 0)), (1, moved(away + 30, -away, 0))]
+    source = scene([_FLOOR, rectangle], [_FLOOR_MATERIAL, _GLOWING], [_EYE], placed=placed)
+    image = Rig(source, renderer, 12).render(width=12, height=12, samples=400, depth=2)
+    _expect_light_of_rectangle(image, f"an instance of a glowing rectangle, made {away:g} away")
 
 
 def _expect_light_of_rectangle(image: Rendered, what: str) -> None:
