@@ -95,7 +95,7 @@ def instances_of_a_far_rectangle(renderer: Renderer) -> None:
     rectangle = [grid((-0.3 - away, 0.6 + away, -0.3), (0.8, 0, 0), (0, 0, 0.6), 1, 1)]
     placed = [(0, moved(0, 0, 0)), (1, moved(away, -away, 0)), (1, moved(away + 30, -away, 0))]
     source = scene([_FLOOR, rectangle], [_FLOOR_MATERIAL, _GLOWING], [_EYE], placed=placed)
-    image = Rig(source, renderer, 12).render(width=12, height=12, samples=400, depth=2)
+    image = Rig(source, renderer, 12).render(width=12, height=12, samples=900, depth=2)
     _expect_light_of_rectangle(image, f"an instance of a glowing rectangle, made {away:g} away")
 
 
