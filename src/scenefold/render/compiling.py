@@ -44,7 +44,10 @@ async def _turn() -> AsyncIterator[None]:
     if folder is None:
         yield
         return
-    handle = os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    try:
+        handle = os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    except OSError as problem:
+        raise LocalFault(f"cannot write there: {problem.strerror}", where=str(folder), remedy="check its permissions") from problem
     try:
         while not _is_locked(handle):  # noqa: ASYNC110 - another process has it, and tells nobody when it is done
             await trio.sleep(LOOK_S)

@@ -80,3 +80,9 @@ async def test_another_process_is_waited_for_until_it_is_gone(monkeypatch: pytes
     os.close(handle)
     with trio.fail_after(20.0):
         assert await compile_apart()
+
+
+async def test_a_lock_that_cannot_be_made_is_one_clear_error(folder: Path) -> None:
+    (folder / "compiling.lock").mkdir()
+    with pytest.raises(LocalFault, match="cannot write there"):
+        await compile_apart()
