@@ -5,6 +5,7 @@ All that rides on links is treated so, and what acknowledges it; packets that ha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -13,9 +14,11 @@ import trio
 from scenefold.base.errors import PeerFault, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.render.job import RenderOptions
-from scenefold.render.pool import member, organiser
+from scenefold.render.pool import dealing, member, organiser
+from scenefold.render.pool.incoming import Batch
 from scenefold.render.pool.links import link, receiver, round_trip, sender
 from scenefold.render.pool.request import organiser_of
+from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import Records, memory_pool, running, sha256_of
 from scenefold.wire import AcknowledgeRays, Packet, SendRays
@@ -118,21 +121,27 @@ async def test_what_is_ill_formed_does_not_count_nor_does_its_number(room: Recor
 async def test_what_finds_no_room_does_not_count_and_is_sent_again(
     room: Records, alone: str, algorithm: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A slow node's rays wait for as long as they have to."""
-    calls = 0
+    """A slow node's rays wait for as long as they have to. Only frames with rays are refused: without the others an image comes, too."""
+    frames = refused = 0
 
-    def full_in_between(*_: object) -> None:
-        nonlocal calls
-        calls += 1
-        if calls % 3 == 0:
-            raise PeerFault("more rays came than open passes have")
+    def full_in_between(batches: Sequence[Batch], *_: object) -> None:
+        nonlocal frames, refused
+        if batches:
+            frames += 1
+            if frames % 3 == 1:
+                refused += 1
+                raise PeerFault("more rays came than open passes have")
 
     monkeypatch.setattr(member, "check_room", full_in_between)
+    # Where paths are dealt: from the first pass on, since everybody is presumed to have nothing else to do.
+    monkeypatch.setattr(dealing, "TRIP_S", 0.0)
+    monkeypatch.setattr(dealing, "PART_RAYS_MIN", 1)
+    monkeypatch.setattr(StillOpen, "release", lambda self, until: [0] * self._nodes)
     monkeypatch.setattr(round_trip, "RTO_S_MIN", 0.05)
     async with memory_pool(offline_world(), room, 2) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, algorithm=algorithm))
     assert sha256_of(image) == alone
-    assert calls >= 3 and sum(node["packets_resent"] for node in state["nodes"]) > 0
+    assert sum(node["packets_resent"] for node in state["nodes"]) >= refused > 0
 
 
 @pytest.mark.expect_log("1 of 2 nodes go on")
