@@ -2,7 +2,8 @@
 
 Somebody of his own asks for places, every second for another one, of any member that runs. As long as the place's owner lives and
 speaks for it, and nothing lies between it and the one that is asked, an answer must come within a time: whatever has
-died, was cut off or lies elsewhere, and whatever those two were told by it before.
+died, was cut off or lies elsewhere, and whatever those two were told by it before. What the owner has adopted, and has not learnt
+of all members yet, waits for these: nobody needs to answer as long as one of them cannot say what it has.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused, Unreachable
 from scenefold.base.ids import SpaceId
-from scenefold.base.location import Location
+from scenefold.base.location import Arc, Location
 from scenefold.client.scene import Scene
+from scenefold.peer import NodeContext
 from scenefold.simulation import laws
 from scenefold.simulation.cluster import Cluster, Node
 from scenefold.simulation.lineage import Holder
@@ -92,7 +94,23 @@ class Asker:
             return False
         if owner.context is None or not owner.context.lease.holds() or not owner.owns(question.location):
             return False
-        return self._watch.reach.was_clear(asked.slot, owner.slot, (question.since_s, self._cluster.net.now))
+        window = (question.since_s, self._cluster.net.now)
+        return self._watch.reach.was_clear(asked.slot, owner.slot, window) and self._is_known(question, owner.context, window)
+
+    def _is_known(self, question: Question, context: NodeContext, window: tuple[float, float]) -> bool:
+        """Whether the owner knows what lies at the place, or nothing has come between it and any of those whom it has to hear."""
+        copies, registry = context.line.parts.keeper.copies, context.cluster_log.registry
+        if copies.is_recovered(Arc(question.location, question.location)):
+            return True
+        tellers = [self._cluster.running.get(self._cluster.slot_of(node)) for node in registry.members]
+        return all(
+            teller is not None
+            and teller.context is not None
+            and registry.is_current(teller.context.own.member)
+            and teller.context.line.parts.arrival.is_done
+            and self._watch.reach.was_clear(question.owner.slot, teller.slot, window)
+            for teller in tellers
+        )
 
     def _look(self) -> None:
         for question in list(self._open):
