@@ -128,6 +128,8 @@ class Cluster:
         """Called with each node that is killed, at that instant."""
         self.eyes: Eyes | None = None
         """Who looks on at what nodes answer, beside the watch."""
+        self.lookers: list[Callable[[int], object]] = []
+        """Called with the slot of a node of which something has become durable; before the watch, over which its machine may die at that instant."""
         self._running: dict[int, Node] = {}
         self._nursery = nursery
         for slot in range(founders + spares):
@@ -243,11 +245,16 @@ class Cluster:
                 self.wipe(node, "stops over a damaged page and is wiped")
             await trio.sleep(RESTART_S)
 
+    def _committed(self, slot: int) -> None:
+        for see in self.lookers:
+            see(slot)
+        self.watch.committed(slot)
+
     async def _one_life(self, node: Node) -> str:
         world = self.net.world(node.name, node.address, node.disk)
         if not node.born.is_set():
             node.born.set()
-            self.net.observe(node.address, Point.AFTER_COMMIT, partial(self.watch.committed, node.slot))
+            self.net.observe(node.address, Point.AFTER_COMMIT, partial(self._committed, node.slot))
         settings = self._settings(node)
         log_key = self._log_key if node.slot == 0 and self._has_log_key else None
         papers = Papers(forget_log_key=partial(setattr, self, "_has_log_key", False))

@@ -71,9 +71,9 @@ class Agreement:
         self._ends[where] = max(before, end)
         return [Wrong(laws.ENTRIES_STAY, f"{where} had position {before}, and has {end} now")] if end < before else []
 
-    def extends(self, where: str, position: int) -> list[Wrong]:
-        """A disk has, or has anew, what is decided at this position. What it has first is where it came in."""
-        before = self._ends.get(where, position)
+    def extends(self, where: str, position: int, shown: int = 0) -> list[Wrong]:
+        """A disk has, or has anew, what is decided at this position. What it has first is where it came in. `shown`: the header's that it had before."""
+        before = max(self._ends.get(where, position), shown)
         self._ends[where] = max(before, position)
         if position > before + 1:
             return [Wrong(laws.ONE_VALUE, f"{where} goes on at position {position}, and had {before}")]

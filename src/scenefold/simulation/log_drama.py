@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Awaitable, Callable, Iterable, Sequence
-from functools import partial
 
 import trio
 
 from scenefold.simulation import laws
 from scenefold.simulation.clients import Client, secrets_of
-from scenefold.simulation.cluster import Cluster, Node, key_of
+from scenefold.simulation.cluster import Cluster, key_of
 from scenefold.simulation.log_editing import Author, Director, Viewer
 from scenefold.simulation.log_history import Told, Wrong, wrong_answers
 from scenefold.simulation.log_members import Steward
@@ -23,7 +22,6 @@ from scenefold.simulation.outcome import COMMITTED_MIN, EDITS_MIN, LOOKS_MIN, Or
 from scenefold.simulation.workload import draw_places
 from scenefold.store.layout import LOGS
 from scenefold.store.log_rows import unpack_votes, votes_key
-from scenefold.world.sim import Point
 
 CALM_S_MAX = 90.0
 """Takeovers, and asking others for what is lacking, take some ten seconds each."""
@@ -67,7 +65,7 @@ class LogDrama:
         done = self.proposals
         return done.committed >= COMMITTED_MIN and done.edits >= EDITS_MIN and done.looks >= LOOKS_MIN
 
-    async def begin(self, clients: Sequence[Client], nursery: trio.Nursery, nonsense: Callable[[Client], Callable[[], int]]) -> None:
+    async def begin(self, clients: Sequence[Client], nonsense: Callable[[Client], Callable[[], int]]) -> None:
         """The scene is there: from now on its log is looked at, and it gets its participants."""
         scenes = [(client, client.scene) for client in clients if client.scene is not None]
         self._clients = [LogClient(client.name, scene, self._order.seed, self._work, nonsense(client)) for client, scene in scenes]
@@ -75,8 +73,7 @@ class LogDrama:
         scene = scenes[0][1]
         modes = self._modes = ModesWatch(self._cluster, scene.id, self._judge)
         self.watch.on_decided = modes.decided
-        for node in self._cluster.nodes.values():
-            nursery.start_soon(self._observe, node)
+        self._cluster.lookers += [self.watch.committed, modes.committed]
         self.watch.follow((await scene.access.read_log()).header)
         schedule, nodes, count = self._order.schedule, self._order.nodes, self._order.deciders
         if count:
@@ -153,12 +150,6 @@ class LogDrama:
             elif votes.slot.accepted is not None:
                 found.append((f"n{slot} has voted at position {votes.position}, and nobody brings that to an end", slot))
         return found
-
-    async def _observe(self, node: Node) -> None:
-        await node.born.wait()
-        assert self._modes is not None
-        for see in (self.watch.committed, self._modes.committed):
-            self._cluster.net.observe(node.address, Point.AFTER_COMMIT, partial(see, node.slot))
 
     def _judge(self, wrong: Iterable[Wrong], slot: int | None) -> None:
         for law, what in wrong:

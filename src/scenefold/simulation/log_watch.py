@@ -45,6 +45,8 @@ class LogWatch:
         """The header that the scene was found with, once it is there."""
         self._disks, self._nodes, self._put_back = disks, nodes, put_back
         self._violated, self._tell = violated, tell
+        self._headers: dict[str, int] = {}
+        """The position of the one that lies on each disk."""
 
     def follow(self, header: SceneLogPublic) -> None:
         """From now on this is the scene. What lies on disks already is looked at, too."""
@@ -58,11 +60,12 @@ class LogWatch:
         if self.first is None:
             return
         disk, name = self._disks[slot], scene_key(self.first.scene)
+        shown = self._headers.get(self._name(slot), 0)
         if any(key == name for key, _ in disk.replaced(HEADERS)):
             self._look_at_header(slot)
         rows = [key for key, _ in disk.replaced(LOGS)]
         if rows:
-            self._look_at_rows(slot, rows)
+            self._look_at_rows(slot, rows, shown)
 
     def shown(self, who: str, header: SceneLogPublic) -> None:
         """A client has taken this for decided."""
@@ -92,6 +95,7 @@ class LogWatch:
             return
         self._is_decided(slot, _entry_of(header), header)
         self._say(self.agreement.holds(f"{self._name(slot)}, header", header.position), slot)
+        self._headers[self._name(slot)] = header.position
 
     def _header_on(self, slot: int) -> SceneLogPublic | None:
         assert self.first is not None
@@ -99,21 +103,21 @@ class LogWatch:
         header = None if stored is None else _header(bytes(stored))
         return header if header is not None and header.genesis == self.first.genesis else None
 
-    def _look_at_rows(self, slot: int, keys: Iterable[bytes]) -> None:
-        """What is decided first: what is voted for stands behind it."""
+    def _look_at_rows(self, slot: int, keys: Iterable[bytes], shown: int = 0) -> None:
+        """What is decided first: what is voted for stands behind it. `shown`: the position of the header that lay there before."""
         assert self.first is not None
         table, genesis = self._disks[slot].peek(LOGS), self.first.genesis
         rows = [key for key in keys if key.startswith(genesis) and key in table]
         for key in sorted(rows, key=lambda key: position_of(key) or 1 << 64):
             try:
                 if position_of(key):
-                    self._look_at_decided(slot, unpack_decided(key, memoryview(table[key])))
+                    self._look_at_decided(slot, unpack_decided(key, memoryview(table[key])), shown)
                 else:
                     self._look_at_votes(slot, memoryview(table[key]))
             except DamagedData as problem:
                 self._tell(slot, str(problem))
 
-    def _look_at_decided(self, slot: int, row: Decided) -> None:
+    def _look_at_decided(self, slot: int, row: Decided, shown: int) -> None:
         assert self.first is not None
         try:
             entry, header = _decided(row.position, row.value.data, row.value.body)
@@ -124,7 +128,8 @@ class LogWatch:
         voters = [vote.member for vote in proof.votes]
         self._say(self.voting.certified(self._member(slot), row.position, proof.ballot, row.value.digest, voters), slot)
         self._is_decided(slot, entry, header)
-        self._say(self.agreement.extends(self._name(slot), row.position), slot)
+        # A log may go on behind a header that was shown, where nobody tells what lies between.
+        self._say(self.agreement.extends(self._name(slot), row.position, shown), slot)
 
     def _look_at_votes(self, slot: int, stored: memoryview) -> None:
         assert self.first is not None
@@ -132,7 +137,7 @@ class LogWatch:
         accepted = votes.slot.accepted
         paper = Paper(votes.position, votes.slot.promised, None if accepted is None else (accepted.ballot, accepted.value.digest))
         self._say(self.voting.wrote(Member(self._nodes[slot], votes.incarnation), paper), slot)
-        # A log may go on behind a header that was shown, where nobody tells what lies between.
+        # As above.
         header = self._header_on(slot)
         if header is not None and header.position >= votes.position - 1:
             self._say(self.agreement.holds(self._name(slot), votes.position - 1), slot)

@@ -134,7 +134,7 @@ class _Drama:
                     clients = await self._open_clients(stack, cluster)
                     if self._order.workload == "logs":
                         self._logs = LogDrama(cluster, self._order)
-                        await self._logs.begin(clients, nursery, partial(_nonsense_heard, cluster))
+                        await self._logs.begin(clients, partial(_nonsense_heard, cluster))
                     if self._renders is not None:
                         await self._renders.begin(clients, nursery)
                     await self._rage(cluster, clients)

@@ -78,6 +78,8 @@ def test_a_disk_goes_on_where_it_ended() -> None:
     agreement = Agreement()
     assert [agreement.extends("n0", position) for position in (7, 8, 7, 8, 9)] == [[]] * 5
     assert broken(agreement.extends("n0", 11)) == [laws.ONE_VALUE]
+    assert agreement.extends("n0", 13, shown=12) == []
+    assert broken(agreement.extends("n0", 16, shown=14)) == [laws.ONE_VALUE]
 
 
 def test_nothing_is_acknowledged_that_is_decided_nowhere() -> None:

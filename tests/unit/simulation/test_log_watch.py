@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import pytest
+
 from scenefold.consensus import Certificate, Slot, Tentative
 from scenefold.scene.log import without_log
 from scenefold.simulation import laws
@@ -137,6 +139,19 @@ def test_a_header_that_falls_back_is_seen_unless_the_disk_was_put_back() -> None
     town.header(3, town.council.header)
     town.header(3, first)
     assert town.found == [laws.ENTRIES_STAY]
+
+
+@pytest.mark.parametrize("is_shown", [True, False])
+def test_a_log_may_go_on_behind_a_header_that_was_shown_and_not_behind_nothing(is_shown: bool) -> None:
+    town = Town()
+    town.decide(SetMode(SceneMode.RENDER))
+    town.decide(added(4), slots=(0, 1))
+    if is_shown:
+        town.header(2, town.council.header)
+    value, certificate = town.decide(SetMode(SceneMode.EDIT), slots=(0, 1), by=(0, 1, 3))
+    assert town.found == []
+    town.decided(2, 4, without_log(value), certificate)
+    assert town.found == ([] if is_shown else [laws.ONE_VALUE])
 
 
 def test_what_is_acknowledged_before_it_is_decided_is_seen() -> None:
