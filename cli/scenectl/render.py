@@ -16,6 +16,7 @@ from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.own_cluster import check_own_cluster
 from scenectl.partition_options import FramesOption, PartitionOption, check_engine, check_frames_alone, check_partition, images_of
+from scenectl.preview_options import NO_PREVIEWS, PreviewOptions
 from scenectl.render_report import report
 from scenectl.unattended import cancel, fetch, list_all, start, watch
 from scenectl.values import PortsOption, whole
@@ -60,6 +61,7 @@ def still(
     ports: PortsOption | None = None,
     scene: SceneOption | None = None,
     image: ImageOptions = USUAL_IMAGE,
+    pictures: PreviewOptions = NO_PREVIEWS,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Render one image of a scene file, or of a scene in the cluster, and wait for it.
@@ -137,6 +139,7 @@ def still(
         "--ports": (ports, "SCENEFOLD_PORTS"),
     }
     of_pool = {name: of_a_cluster[name] for name in ("--nodes", "--ports")} | {"--memory": (memory, ""), "--resume": (resume, "")}
+    of_pool["--preview"] = (pictures.preview, "")
     check_partition(partition, engine=engine, frames=frames, of_pool=of_pool, frame=frame, time=time)
     check_engine(engine, threads=threads, trust_network=trust_network)
     if file is None:
@@ -149,10 +152,10 @@ def still(
     options = image.checked("scenectl render still")
     name = scene_name_of(file) if scene is None else scene
     images = images_of(to, files.png, frames)
-    check_apart(
-        "scenectl render still", {"the file": file, "--environment": environment, **images, "--resume": resume, "--report": report_to}
-    )
+    others = {"--resume": resume, "--report": report_to, "--preview": pictures.preview}
+    check_apart("scenectl render still", {"the file": file, "--environment": environment, **images, **others})
     check_files(file, *images.values(), *(() if report_to is None else (report_to,)), kept=resume)
+    previews = pictures.checked("scenectl render still", view, image.exposure)
     job = StillJob(
         file=file,
         moment=moment,
@@ -165,6 +168,7 @@ def still(
         options=options,
         files=files,
         resume=resume,
+        previews=previews,
     )
     if partition != "spatial":
         from scenectl.still_in_tasks import InTasks, frames_text, make_in_tasks
@@ -176,7 +180,7 @@ def still(
         keep_report(report_to, made)
         return
     if memory is not None:
-        check_alone(file, output.profile, {"--nodes": nodes, "--ports": ports, "--resume": resume})
+        check_alone(file, output.profile, {"--nodes": nodes, "--ports": ports, "--resume": resume, "--preview": pictures.preview})
         from scenectl.still_within import make_within
 
         with Progress(quiet=output.json) as progress:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from scenefold.render.client import StillOptions, StillResult
     from scenefold.render.job import RenderOptions
     from scenefold.render.layers import Pixels
+    from scenefold.render.preview_files import Previews
     from scenefold.scene.importers import Moment
 
 ADDRESSES_SHOWN = 8
@@ -76,6 +77,8 @@ class StillJob:
     """Of the file; None: at rest."""
     resume: Path | None = None
     """The file of the kept render."""
+    previews: Previews | None = None
+    """Pictures on the way."""
     kill: bool = False
     """Whether a node dies on the way, of those that are started for this; with one node none does."""
 
@@ -169,6 +172,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
                 organised_by=nobody if strike is None else strike.spare,
                 anew=partial(_tell_anew, embedded),
                 resume=job.resume,
+                previews=job.previews,
             )
         if embedded is not None:
             embedded.may_die(())

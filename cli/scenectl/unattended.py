@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,6 +13,7 @@ from scenectl.image_options import USUAL_IMAGE, ImageOptions
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table, time_text
 from scenectl.partition_options import PartitionOption, images_of
+from scenectl.preview_options import NO_PREVIEWS, PreviewOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from scenefold.client import Cluster
     from scenefold.render.choice import Renderers
     from scenefold.render.client import Started
+    from scenefold.render.preview_files import Previews
     from scenefold.render.reports import NodeStand, Stand
     from scenefold.render.unattended import KnownRender, Listing
 
@@ -107,7 +110,7 @@ def list_all(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     emit(output, {"renders": rows, "silent": list(listing.silent)}, text)
 
 
-def watch(render: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
+def watch(render: str, /, *, pictures: PreviewOptions = NO_PREVIEWS, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     """Wait until a render's image is there. Ctrl-C ends the waiting, and not the render.
 
     Example: scenectl render watch 3f9a --profile studio
@@ -123,11 +126,13 @@ def watch(render: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     from scenectl.render_nodes import live_table
     from scenectl.running import connected, run
 
+    previews = pictures.checked("scenectl render watch")
+
     async def wait(progress: Progress, seen: Seen | None) -> KnownRender:
         from scenefold.render.unattended import find_render
 
         async with connected(output.profile) as cluster:
-            await _wait(cluster, await find_render(cluster, render), progress, seen)
+            await _wait(cluster, await find_render(cluster, render), progress, seen, previews)
             return await find_render(cluster, render)
 
     # Where the table is shown it says how far the render is, too.
@@ -227,13 +232,17 @@ def cancel(render: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
     emit(output, known.document() | {"phase": "cancelled"}, f"Render {known.name} has ended, and its image is gone.")
 
 
-async def _wait(cluster: Cluster, known: KnownRender, progress: Progress, seen: Seen | None = None) -> None:
+async def _wait(
+    cluster: Cluster, known: KnownRender, progress: Progress, seen: Seen | None = None, previews: Previews | None = None
+) -> None:
     from scenectl.still import render_progress
     from scenefold.render.unattended import watch_render
 
     lost = partial(_tell, "is lost: the others take its part of the scene over, and trace again what only it had")
     back = partial(_tell, "is back, and takes part again")
-    await watch_render(cluster, known, render_progress(progress), lost=lost, back=back, seen=seen)
+    if previews is not None and known.unattended is not None:
+        previews = replace(previews, exposure=known.unattended.exposure)
+    await watch_render(cluster, known, render_progress(progress), lost=lost, back=back, seen=seen, previews=previews)
 
 
 async def _let_go(cluster: Cluster, known: KnownRender) -> None:

@@ -36,6 +36,7 @@ from scenefold.wire import (
     CollectPass,
     FetchFilm,
     FetchImage,
+    FetchPreview,
     FilmPart,
     JobEvent,
     JobState,
@@ -69,7 +70,7 @@ _log = logging.getLogger("scenefold.node.rendering")
 AHEAD = (JobState, JobEvent, CancelJob, AcknowledgeRays)
 """Small ones go by the port of high priority: on a slow line they would wait for many seconds behind rays and sums, and a node whose answer comes too late
 is taken for lost."""
-ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart)
+ASKED_BY_ANYBODY: tuple[type[Packet], ...] = (StartJob, JobState, FetchImage, CancelJob, FetchFilm, FilmPart, FetchPreview)
 ASKED_BY_NODES: tuple[type[Packet], ...] = (JobEvent, SendRays, AcknowledgeRays, CollectPass, PassSums, MergeFilm)
 
 

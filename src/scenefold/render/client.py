@@ -18,6 +18,7 @@ from scenefold.render.lens import lens_of
 from scenefold.render.levels import adaptive_of
 from scenefold.render.one_image import Choice, OneImage, Told, nobody
 from scenefold.render.pool.unattended import Unattended
+from scenefold.render.preview_files import Previews
 from scenefold.render.sampling import USUAL_SAMPLING, Sampling
 from scenefold.render.watch import Progress
 from scenefold.render.window import Window
@@ -147,12 +148,15 @@ async def render_still(
     back: Told = nobody,
     anew: Callable[[Begun], None] | None = None,
     resume: Path | None = None,
+    previews: Previews | None = None,
 ) -> StillResult:
     """Render one image and wait for it. LocalFault, Refused or Unreachable say why there is none.
 
     `resume`: a file in which what is rendered is kept once in a while, until the image is there. If it is there before, the render goes on from it: the
     image has the same bits as if nothing had interrupted it. LocalFault if it is of other options, DamagedData if it is no such file,
     Refused if it is of another scene or renderer. Who has saved the image removes it.
+
+    `previews`: pictures that are written on the way.
 
     The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. They are
     chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
@@ -164,7 +168,7 @@ async def render_still(
     progress("prepare", 0, 1)
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
-    wish = OneImage(cluster, scene, wanted, resume, progress, lost, back, organised_by)
+    wish = OneImage(cluster, scene, wanted, resume, progress, lost, back, organised_by, previews)
     (image, report), choice, begun = await begun_until_it_is(wish, scene, wish.render, progress, tell, anew)
     exposure = options.exposure if options.exposure is not None else said.exposure
     layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)

@@ -89,16 +89,20 @@ class Film:
         full = np.int64(columns.aovs == ALL_AOVS)
         add_rows_of_film(own, own.view(np.int32), other, other.view(np.int32), np.int64(columns.radiance), full)
 
+    def pixels_of_rows(self, first: int, last: int) -> npt.NDArray[np.int64]:
+        """Where in the image these rows' pixels are: left to right, top row first."""
+        return np.arange(first, last) * self._stride % (self.width * self.height)
+
     def in_order(self, values: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
         """What stands in the order of the rows, in that of the image: [rows, ...] to [H, W, ...], top row first."""
         image = np.empty_like(values)
-        image[np.arange(len(values)) * self._stride % len(values)] = values
+        image[self.pixels_of_rows(0, len(values))] = values
         return image.reshape(self.height, self.width, *values.shape[1:])
 
     def in_rows(self, image: npt.NDArray[_Scalar]) -> npt.NDArray[_Scalar]:
         """What stands in the order of the image, [H, W, ...], in that of the rows, [rows, ...]."""
         pixels = self.width * self.height
-        return image.reshape(pixels, *image.shape[2:])[np.arange(pixels) * self._stride % pixels]
+        return image.reshape(pixels, *image.shape[2:])[self.pixels_of_rows(0, pixels)]
 
     @property
     def _part_rows(self) -> int:

@@ -19,6 +19,7 @@ from scenefold.render.job import RenderOptions
 from scenefold.render.kept import read_kept
 from scenefold.render.pool.request import Keep, RenderRequest, organiser_of
 from scenefold.render.pool.unattended import Unattended
+from scenefold.render.preview_files import Previewer, Previews
 from scenefold.render.reports import image_size, report_of
 from scenefold.render.sealed_keys import About, seal_keys
 from scenefold.render.watch import Keeper, Progress, Watch
@@ -56,11 +57,13 @@ class OneImage:
         lost: Told = nobody,
         back: Told = nobody,
         organised_by: Told = nobody,
+        previews: Previews | None = None,
     ) -> None:
         """`lost`, `back`: told the addresses of nodes that die on the way, and of those that take part again; `organised_by` of who is asked to organise it."""
         self._cluster, self._scene, self._wanted, self._resume = cluster, scene, wanted, resume
         self._progress, self._lost, self._back, self._organised_by = progress, lost, back, organised_by
         self._keeper: Keeper | None = None
+        self._previewer = None if previews is None else Previewer(cluster, previews, wanted)
         self.asked: set[NodeId] = set()
         """Who was to render it so far."""
 
@@ -135,8 +138,8 @@ class OneImage:
                 if kept is not None:
                     await watch.send_film(kept.film)
                     kept = None
-                told = (partial(_tell_of, addresses, hears) for hears in (self._lost, self._back))
-                state = await watch.until_done(self._progress, keeper, *told)
+                lost, back = (partial(_tell_of, addresses, hears) for hears in (self._lost, self._back))
+                state = await watch.until_done(self._progress, keeper, lost, back, previewer=self._previewer)
                 report = report_of(state.document, wanted, addresses, address_of(taken.organiser))
                 return await watch.fetch(image_size(wanted), partial(self._progress, "fetch")), report
             finally:

@@ -20,6 +20,7 @@ from scenefold.render.layers import image_bytes
 from scenefold.wire import MalformedPacket, unpack_value
 
 PHASES = frozenset({"preparing", "rendering", "merging", "done", "failed"})
+PREVIEWS_MAX = 2**32 - 2
 _COUNT_MAX = 2**64 - 1
 _COUNTS = (
     "records",
@@ -63,6 +64,8 @@ class Stand:
     """Addresses of nodes that died meanwhile, as the organiser says;"""
     back: tuple[str, ...]
     """and of those that took part again later."""
+    preview: int
+    """Number of the newest preview; 0 for none."""
     document: dict[str, Any]
     """All of it, unread."""
 
@@ -78,7 +81,8 @@ def stand_of(packed: bytes, where: str) -> Stand:
         closed, kept = whole(document["closed"], 0, passes), whole(document["kept_passes"], 0, passes)
         lost, back = (tuple(map(_short, _few(document[name], POOL_NODES_MAX))) for name in ("lost", "back"))
         content = exactly(document["content"], HASH_BYTES)
-        return Stand(document["phase"], closed, passes, kept, content, reason, failure, lost, back, document)
+        preview = whole(document.get("preview", 0), 0, PREVIEWS_MAX)
+        return Stand(document["phase"], closed, passes, kept, content, reason, failure, lost, back, preview, document)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from scenefold.render.one_image import Told, nobody
 from scenefold.render.pool.request import options_of
 from scenefold.render.pool.telling import error_of
 from scenefold.render.pool.unattended import ALL_JOBS, Unattended
+from scenefold.render.preview_files import Previewer, Previews
 from scenefold.render.reports import PHASES, NodeStand, Stand, believed, image_size, nodes_of, report_of
 from scenefold.render.watch import Progress, Watch
 from scenefold.wire import JobState, JobStateReply, unpack_value
@@ -137,8 +138,9 @@ async def watch_render(
     lost: Told = nobody,
     back: Told = nobody,
     seen: Callable[[Stand, list[NodeStand]], object] | None = None,
+    previews: Previews | None = None,
 ) -> None:
-    """Wait until its image is there; told as in `render_still`, and `seen`, several times a second, how it and its nodes stand.
+    """Wait until its image is there; told as in `render_still`, and `seen`, several times a second, how it and its nodes stand. `previews`: pictures on the way.
 
     What it failed of is raised.
     """
@@ -147,7 +149,8 @@ async def watch_render(
         if seen is not None:
             seen(stand, nodes_of(stand, render.organiser))
 
-    await Watch(cluster, render.organiser, render.job).until_done(progress, None, lost, back, look)
+    previewer = None if previews is None else Previewer(cluster, previews, render.options)
+    await Watch(cluster, render.organiser, render.job).until_done(progress, None, lost, back, look, previewer)
 
 
 async def fetch_render(cluster: Cluster, render: KnownRender, progress: Progress) -> StillResult:

@@ -17,8 +17,21 @@ from scenefold.render.kept import KeptRender, asked_of, check_keepable, write_ke
 from scenefold.render.pool.kept_film import PIECE_BYTES, film_size
 from scenefold.render.pool.request import Keep, RenderRequest
 from scenefold.render.pool.telling import error_of
+from scenefold.render.preview_files import Previewer
 from scenefold.render.reports import Stand, numeric_class_of, stand_of
-from scenefold.wire import CancelJob, FetchFilm, FetchImage, FilmPart, ImagePart, JobAnswer, JobState, JobStateReply, Packet, StartJob
+from scenefold.wire import (
+    CancelJob,
+    FetchFilm,
+    FetchImage,
+    FetchPreview,
+    FilmPart,
+    ImagePart,
+    JobAnswer,
+    JobState,
+    JobStateReply,
+    Packet,
+    StartJob,
+)
 
 ASK_S_MAX = 60.0
 POLL_S = 0.25
@@ -102,6 +115,7 @@ class Watch:
         lost: Callable[[str], object] = str,
         back: Callable[[str], object] = str,
         seen: Callable[[Stand], object] = _unseen,
+        previewer: Previewer | None = None,
     ) -> Stand:
         """How it stands at the end; what it keeps on the way is written down, who is lost, or back, is told, and `seen` all on the way. See `stand`."""
         clock, is_prepared, lost_so_far, back_so_far = self._cluster.calls.world.clock, False, 0, 0
@@ -121,6 +135,8 @@ class Watch:
                 if keeper is not None and stand.kept > keeper.keep.passes:
                     await self._keep(keeper, stand)
                     continue
+                if previewer is not None and stand.closed and clock.now() >= previewer.due_at:
+                    await self._preview(previewer, stand)
             if stand.phase == "done":
                 progress("render", stand.passes, stand.passes)
                 return stand
@@ -137,6 +153,18 @@ class Watch:
             await self._cluster.calls.world.clock.sleep(POLL_S)
             return
         await keeper.write(Keep(stand.kept, stand.content, numeric_class_of(stand, self._address)), film)
+
+    async def _preview(self, previewer: Previewer, stand: Stand) -> None:
+        """Have a new preview made, and write its picture. That there is none now is no fault: nodes are busy, or nothing is new, and the render goes on."""
+        number = stand.preview + 1
+        try:
+            preview = await self._fetched(
+                previewer.size, lambda at: FetchPreview(job=self._job, number=number, offset=at), lambda _done, _all: None
+            )
+        except Refused as refused:
+            previewer.missed(refused)
+            return
+        await previewer.write(preview)
 
     async def fetch(self, size: int, progress: Callable[[int, int], None]) -> bytes:
         """The image, which has this size. PeerFault if it has another one."""

@@ -1,4 +1,4 @@
-"""Packets 48 to 51, 53 to 60, and 126: jobs, their passes and their images (design of the renderer; not in the thesis).
+"""Packets 48 to 51, 53 to 60, 126 and 127: jobs, their passes and their images (design of the renderer; not in the thesis).
 
 Documents are maps that the sender packed with `pack_value`; they stay bytes here, because what is in them is
 the renderer's business, and because a job's hash is the hash of these bytes.
@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from scenefold.base.limits import BULK_BYTES_MAX
 from scenefold.wire.common import DOCUMENT, MESSAGE, REASON_OR_0, U32, U64, Carrier, Packet, row
-from scenefold.wire.kinds import Bin
+from scenefold.wire.kinds import Bin, Uint
 from scenefold.wire.laws import Order
 
 PART = Bin(BULK_BYTES_MAX)
@@ -141,6 +141,20 @@ class FetchFilm(Packet):
     offset: int
 
 
+@dataclass(frozen=True, slots=True)
+class FetchPreview(Packet):
+    """What the image looks like so far, by this number: to a job's organiser of all its nodes, to another node of that one and all behind it.
+
+    The answer is an ImagePart (specs/34-previews.md).
+    """
+
+    TYPE: ClassVar[int] = 127
+    BULK_ANSWER: ClassVar[bool] = True
+    job: int
+    number: int
+    offset: int
+
+
 _JOB = ("job", U64)
 _PASS = (_JOB, ("pass_index", U32), ("attempt", U64))
 _LEDGER = (("created", U64), ("retired", U64), ("sent", U64), ("received", U64))
@@ -161,4 +175,5 @@ ROWS = (
     row(CancelJob, Carrier.TCP_ANY, _JOB),
     row(JobEvent, Carrier.TCP_ANY, _JOB, ("document", DOCUMENT)),
     row(FetchFilm, Carrier.TCP_LOW, _JOB, ("passes", U32), ("offset", U64)),
+    row(FetchPreview, Carrier.TCP_LOW, _JOB, ("number", Uint(32, least=1)), ("offset", U64)),
 )

@@ -108,7 +108,7 @@ STRUCTS = (
 """What stands inside packets as an array of its own."""
 
 assert not ROWS.keys() & RESERVED.keys()
-assert ROWS.keys() | RESERVED.keys() == set(range(1, 127))
+assert ROWS.keys() | RESERVED.keys() == set(range(1, 128))
 assert not any(since_of(kind) for struct in STRUCTS for _, kind in struct.fields), (
     "what stands inside packets has no fields of later versions"
 )

@@ -11,7 +11,7 @@ from scenefold.render.reports import NodeStand, Stand
 
 
 def moment(at: float, closed: int, *nodes: NodeStand, phase: str = "rendering") -> Moment:
-    return Moment(at, Stand(phase, closed, 100, 0, bytes(32), 0, "", (), (), {}), nodes)
+    return Moment(at, Stand(phase, closed, 100, 0, bytes(32), 0, "", (), (), 0, {}), nodes)
 
 
 FIRST = moment(10.0, 20, NodeStand("127.0.0.2", 300, 1_000, 10, 0, 1.0), NodeStand("127.0.0.3", 100, 3_000, 0, 5, 2.0))

@@ -151,7 +151,7 @@ def test_trailing_bytes(packet: Packet, rest: bytes) -> None:
         ([41, 0, None, bytes(16), [1, bytes(16)], [2, bytes(16)], LAST, FIRST, 0, 0, 0], "OfferRange", "not first ≤ last"),
         ([66, 0, None, bytes(16), [4096]], "RecordsWanted.indexes[0]", "outside"),
         ([74, 0, None, True, True], "DrainNode", "not at most one of check_only, cancel"),
-        ([127, 0, None], "type", "127 is no packet"),
+        ([128, 0, None], "type", "128 is no packet"),
         ([0, 0, None], "type", "0 is no packet"),
         ([2**64 - 1, 0, None], "type", "is no packet"),
         ({"type": 13}, "packet", "array"),

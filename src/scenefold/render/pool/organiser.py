@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 import trio
 
-from scenefold.base.errors import LocalFault, PeerFault, Refused, ScenefoldError
+from scenefold.base.errors import LocalFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.reasons import RejectReason
@@ -46,7 +46,7 @@ from scenefold.render.pool.request import Keep, RenderRequest, options_document
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import failure_fields, failure_of, told
 from scenefold.render.pool.unattended import IMAGE_KEPT_S
-from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_scene
+from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_scene, digest_told
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, StartJob, Value
@@ -188,6 +188,11 @@ class Organiser:
         """Whether that was said: it is only freed yet."""
         return self._scope.cancel_called
 
+    @property
+    def closed(self) -> int:
+        """Passes, as far as is known."""
+        return 0 if self._job is None else self._before if self._attempts is None else self._attempts.closed
+
     def row(self) -> dict[str, Value]:
         """The job among others, for the user who asked for it."""
         plan = None if self._job is None else self._job.plan
@@ -195,7 +200,7 @@ class Organiser:
             "phase": self._phase,
             **failure_fields(self._failure),
             "passes": 0 if plan is None else plan.count if self._traced is None else self._begun_passes,
-            "closed": 0 if plan is None else self._before if self._attempts is None else self._attempts.closed,
+            "closed": self.closed,
             "age": self._host.world.clock.now() - self._requested_at,
             "options": options_document(self._options),
             "unattended": None if self._unattended is None else self._unattended.row(),
@@ -244,7 +249,7 @@ class Organiser:
                 await company.ask(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
             if self._keep is not None:
                 await company.look()
-                self._digest = digest_of_scene(job.content, (_digest_of(state.get("digest")) for state in company.states.values()))
+                self._digest = digest_of_scene(job.content, (digest_told(state.get("digest")) for state in company.states.values()))
                 if self._keep.passes:
                     _check_kept(self._keep, self._digest, job.numeric_class)
             self._phase = "rendering"
@@ -470,12 +475,6 @@ class _Timed:
 
     def __exit__(self, *_: object) -> None:
         self._organiser.note_seconds(self._name, self._organiser.now() - self._begun)
-
-
-def _digest_of(value: Value | None) -> bytes:
-    if not isinstance(value, bytes) or len(value) != DIGEST_BYTES:
-        raise PeerFault("a node tells no digest of what it holds")
-    return value
 
 
 def _check_kept(keep: Keep, digest: bytes, numeric_class: str) -> None:

@@ -30,11 +30,12 @@ from scenefold.render.pool.member import Member
 from scenefold.render.pool.moving import Moving
 from scenefold.render.pool.own_passes import owners_of
 from scenefold.render.pool.pass_bits import bits_of, passes_of
+from scenefold.render.pool.previewing import Previewing
 from scenefold.render.pool.promises import Account
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import error_of, failure_fields, failure_of, told
-from scenefold.wire import AcknowledgeRays, CollectPass, JobAnswer, Packet, PassSums, SendRays, Value
+from scenefold.wire import AcknowledgeRays, CollectPass, FetchPreview, ImagePart, JobAnswer, Packet, PassSums, SendRays, Value
 from scenefold.world import DiskFailed, QuietLog
 
 _log = logging.getLogger("scenefold.render.pool")
@@ -76,6 +77,7 @@ class Part:
         self._lasting = Lasting(Films(job), MemberStatistics(), HitSample(len(job.nodes), job.seed + self.me))
         self._turn, self._films_turn = trio.Lock(), trio.Lock()
         self.gathering = Gathering(host, job, self._lasting.films, self._films_turn)
+        self.previewing = Previewing(host, job, self._lasting.films, self._films_turn, account)
         self._sent_before: dict[str, int] = {}
         """On links of older attempts."""
         self._scope = trio.CancelScope()
@@ -348,6 +350,13 @@ class Part:
     async def gather(self, number: int, passes: Collection[int]) -> None:
         """At the organiser: everybody's film into ours; `passes`: of theirs."""
         await self.gathering.gather(number, self._roster, passes)
+
+    async def preview(self, packet: FetchPreview, towards: NodeId | None, closed: int = 0) -> ImagePart:
+        """Of what is closed at this node and all behind it; of all, for the user (None), with so many passes closed. Refused (16) if that cannot be."""
+        self.member()
+        if towards is None:
+            return await self.previewing.of_all(packet.number, packet.offset, self._roster, closed)
+        return await self.previewing.of_those_behind(packet.number, packet.offset, self._roster, self.place_of(towards))
 
     async def _prepare(self) -> None:
         host, job = self._host, self.job

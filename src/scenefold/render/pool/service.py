@@ -32,6 +32,7 @@ from scenefold.wire import (
     CollectPass,
     FetchFilm,
     FetchImage,
+    FetchPreview,
     FilmPart,
     ImagePart,
     JobAnswer,
@@ -94,6 +95,7 @@ class RenderService:
         host.handle(MergeFilm, self._on_merge, nodes_only=True)
         host.handle(FilmPart, self._on_film, nodes_only=False)
         host.handle(FetchFilm, self._on_fetch_film, nodes_only=False)
+        host.handle(FetchPreview, self._on_preview, nodes_only=False)
         async with trio.open_nursery() as nursery:
             self._nursery = nursery
             task_status.started()
@@ -179,7 +181,8 @@ class RenderService:
             state = {"jobs": [{"job": job, **one.row()} for job, one in mine]}
             state["numeric_class"] = self._class_of_renderer()
         elif peer.startswith("user:"):
-            state = self._organiser(packet.job, peer).state()
+            part = self._parts.get(packet.job)
+            state = {**self._organiser(packet.job, peer).state(), "preview": 0 if part is None else part.previewing.newest}
         else:
             part, _ = self._part_with(packet.job, peer)
             if self._parts.asker(packet.job) == peer:
@@ -198,6 +201,13 @@ class RenderService:
         film = self._organiser(packet.job, peer).kept_film(packet.passes)
         payload = film[packet.offset : packet.offset + IMAGE_PART_BYTES]
         return ImagePart(job=packet.job, total_bytes=len(film), offset=min(packet.offset, len(film)), payload=payload)
+
+    async def _on_preview(self, packet: FetchPreview, peer: str) -> ImagePart:
+        if peer.startswith("user:"):
+            closed = self._organiser(packet.job, peer).closed
+            return await self._part(packet.job).preview(packet, None, closed)
+        part, node = self._part_with(packet.job, peer)
+        return await part.preview(packet, node)
 
     async def _on_cancel(self, packet: CancelJob, peer: str) -> JobAnswer:
         if peer.startswith("user:"):

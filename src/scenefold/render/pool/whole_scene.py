@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 
+from scenefold.base.errors import PeerFault
 from scenefold.partition import Partition
 from scenefold.render.content import share_of, worn_textures
 from scenefold.scene.payloads.geometry import GeometryAtom
@@ -39,6 +40,13 @@ def sum_of_groups(
         worn = worn_textures(tables, {group: atoms[group]})
         total += int.from_bytes(_digest(b"group", group, (*payloads[group], *(textures[number] for number in worn))), "big")
     return (total % _MODULUS).to_bytes(DIGEST_BYTES, "big")
+
+
+def digest_told(value: object) -> bytes:
+    """A node's sum, as it told it. PeerFault if it is none."""
+    if not isinstance(value, bytes) or len(value) != DIGEST_BYTES:
+        raise PeerFault("a node tells no digest of what it holds")
+    return value
 
 
 def digest_of_scene(content: bytes, sums: Iterable[bytes]) -> bytes:
