@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 INTERVAL_S = 1.0
 """The rates are over at least so long."""
-TITLES = ("node", "of the scene", "of the work", "visits/s", "busy", "waiting", "passed on/s")
+TITLES = ("node", "of the scene", "of the work", "visits/s", "busy", "waiting", "memory", "passed on/s")
 
 
 class Moment(NamedTuple):
@@ -61,7 +61,9 @@ def rows_of(before: Moment, now: Moment) -> list[tuple[str, ...]]:
     """The table's cells, a row for each node."""
     seconds = max(now.at - before.at, 1e-9)
     former = {node.address: node for node in before.nodes}
-    triangles = max(sum(node.triangles for node in now.nodes), 1)
+    held = [node.triangles for node in now.nodes]
+    # Where there are no cells each has all of it.
+    triangles = max(max(held, default=0) if now.stand.is_whole else sum(held), 1)
     casts = max(sum(node.casts for node in now.nodes), 1)
     rows: list[tuple[str, ...]] = []
     for node in now.nodes:
@@ -76,6 +78,7 @@ def rows_of(before: Moment, now: Moment) -> list[tuple[str, ...]]:
                 f"{visits / seconds:,.0f}",
                 f"{busy / seconds:.2f}",
                 f"{node.waiting:,}",
+                size_text(node.memory) if node.memory else "",
                 size_text(sent * RAY_BYTES / seconds),
             )
         )

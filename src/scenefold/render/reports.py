@@ -15,6 +15,7 @@ from scenefold.base.ids import checked_node_id
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.base.rays import RAY_BYTES
+from scenefold.render.algorithms import WHOLE
 from scenefold.render.job import HASH_BYTES, RenderOptions
 from scenefold.render.layers import image_bytes
 from scenefold.wire import MalformedPacket, unpack_value
@@ -69,6 +70,12 @@ class Stand:
     document: dict[str, Any]
     """All of it, unread."""
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether each node holds the whole scene, as the organiser says."""
+        options = self.document.get("options")
+        return isinstance(options, dict) and options.get("algorithm") == WHOLE
+
 
 def stand_of(packed: bytes, where: str) -> Stand:
     """A state as it came."""
@@ -98,6 +105,8 @@ class NodeStand:
     """Rays that are to be traced here."""
     busy_s: float
     """That its threads spent tracing, added up."""
+    memory: int = 0
+    """Bytes, the most that its process has taken; 0 if it does not say."""
 
 
 def nodes_of(stand: Stand, where: str) -> list[NodeStand]:
@@ -107,8 +116,9 @@ def nodes_of(stand: Stand, where: str) -> list[NodeStand]:
 
 
 def _node_stand(row: dict[str, Any]) -> NodeStand:
-    triangles, casts, sent, waiting = (whole(row.get(name, 0), 0, _COUNT_MAX) for name in ("triangles", "casts", "rays_sent", "waiting"))
-    return NodeStand(_one_of(row["address"], None), triangles, casts, sent, waiting, _seconds(row.get("busy_seconds", 0.0)))
+    names = ("triangles", "casts", "rays_sent", "waiting", "memory_most")
+    triangles, casts, sent, waiting, memory = (whole(row.get(name, 0), 0, _COUNT_MAX) for name in names)
+    return NodeStand(_one_of(row["address"], None), triangles, casts, sent, waiting, _seconds(row.get("busy_seconds", 0.0)), memory)
 
 
 def image_size(options: RenderOptions) -> int:

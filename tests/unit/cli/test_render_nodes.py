@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 from rich.console import Console
 
@@ -14,14 +15,14 @@ def moment(at: float, closed: int, *nodes: NodeStand, phase: str = "rendering") 
     return Moment(at, Stand(phase, closed, 100, 0, bytes(32), 0, "", (), (), 0, {}), nodes)
 
 
-FIRST = moment(10.0, 20, NodeStand("127.0.0.2", 300, 1_000, 10, 0, 1.0), NodeStand("127.0.0.3", 100, 3_000, 0, 5, 2.0))
-SECOND = moment(12.0, 30, NodeStand("127.0.0.2", 300, 5_000, 2_010, 1_234, 3.0), NodeStand("127.0.0.3", 100, 5_000, 0, 5, 2.5))
+FIRST = moment(10.0, 20, NodeStand("127.0.0.2", 300, 1_000, 10, 0, 1.0, 3 << 20), NodeStand("127.0.0.3", 100, 3_000, 0, 5, 2.0))
+SECOND = moment(12.0, 30, NodeStand("127.0.0.2", 300, 5_000, 2_010, 1_234, 3.0, 5 << 20), NodeStand("127.0.0.3", 100, 5_000, 0, 5, 2.5))
 
 
 def test_rates_are_of_what_came_between_two_looks() -> None:
     assert rows_of(FIRST, SECOND) == [
-        ("127.0.0.2", "75%", "50%", "2,000", "1.00", "1,234", "35.2 KiB"),
-        ("127.0.0.3", "25%", "50%", "1,000", "0.25", "5", "0 B"),
+        ("127.0.0.2", "75%", "50%", "2,000", "1.00", "1,234", "5.0 MiB", "35.2 KiB"),
+        ("127.0.0.3", "25%", "50%", "1,000", "0.25", "5", "", "0 B"),
     ]
     assert line_of(FIRST, SECOND) == "30 of 100 passes, 14 s left"
 
@@ -34,7 +35,15 @@ def test_who_is_back_and_who_is_new_count_from_nothing() -> None:
 
 
 def test_nobody_has_traced_anything() -> None:
-    assert rows_of(*2 * (moment(1.0, 0, NodeStand("127.0.0.2", 0, 0, 0, 0, 0.0)),)) == [("127.0.0.2", "0%", "0%", "0", "0.00", "0", "0 B")]
+    assert rows_of(*2 * (moment(1.0, 0, NodeStand("127.0.0.2", 0, 0, 0, 0, 0.0)),)) == [
+        ("127.0.0.2", "0%", "0%", "0", "0.00", "0", "", "0 B")
+    ]
+
+
+def test_without_cells_each_has_all_of_the_scene() -> None:
+    whole = [look._replace(stand=replace(look.stand, document={"options": {"algorithm": "whole"}})) for look in (FIRST, SECOND)]
+    same = [look._replace(nodes=[replace(node, triangles=300) for node in look.nodes]) for look in whole]
+    assert [row[1] for row in rows_of(*same)] == ["100%", "100%"]
 
 
 def test_the_screen_has_all_of_it() -> None:
