@@ -21,6 +21,8 @@ PASSES_IN_FLIGHT = 2
 PASSES_IN_FLIGHT_OF_MANY = 1
 """The same from NODES_MANY nodes on: every node keeps sums of every open pass, 4 MB a pass and thread, 8 MB with all layers."""
 NODES_MANY = 16
+KNOWN_PLANS = 32
+"""Whose owners are remembered: of more jobs, with all of their attempts of late, than a node has places for; two bytes a pass."""
 _COPY = -1
 """No node's place."""
 
@@ -40,7 +42,7 @@ def pass_owner(plan: PassPlan, number: int, nodes: int) -> int:
     return owner_index(plan.location(number), nodes)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=KNOWN_PLANS)
 def owners_of(plan: PassPlan, nodes: int) -> U16:
     """The same of all passes, u16[count], read only. It takes microseconds a pass: whoever needs it in time has it made in a worker before."""
     owners = np.fromiter((pass_owner(plan, number, nodes) for number in range(plan.count)), np.uint16, plan.count)
