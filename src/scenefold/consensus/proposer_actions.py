@@ -105,18 +105,25 @@ def send_out(effort: Effort) -> None:
     goes_straight = case.state.tries % 2 == 0
     if goes_straight and len(others) * _bytes(effort) <= case.setting.at_once_bytes:
         reached = [node for node in others if node in case.view.reachable]
-        _send(effort, {node: straight_to(route, case.me, node) for node in reached}, 1)
+        _send(effort, {node: straight_to(route, case.me, node) for node in reached}, _pass_s(effort, 1))
         return
     both = arms(route, case.me)
     firsts = [first for arm in both if (first := first_of(arm, case.view.reachable)) is not None]
-    _send(effort, dict.fromkeys(firsts, route), max(len(arm) for arm in both))
+    _send(effort, dict.fromkeys(firsts, route), _pass_s(effort, max(len(arm) for arm in both)))
 
 
 def repeat(effort: Effort) -> None:
-    """send 7 once more, straight to each whose fact is missing, and wait T_PASS"""
-    there = {fact.member.node for fact in effort.proposal.facts}
-    missing = [node for node in effort.proposal.route if node not in there]
-    _send(effort, {node: straight_to(effort.proposal.route, effort.case.me, node) for node in missing}, 1)
+    """send 7 once more, straight to each whose fact is missing, and wait T_PASS, for longer the more ballots came to nothing"""
+    case, proposal = effort.case, effort.proposal
+    assert proposal.id is not None
+    there = {fact.member.node for fact in proposal.facts}
+    ways = {node: straight_to(proposal.route, case.me, node) for node in proposal.route if node not in there}
+    _send(effort, ways, case.setting.timing.repeat_s(1, proposal.id.ballot.counter, case.state.tries))
+
+
+def _pass_s(effort: Effort, arm: int) -> float:
+    assert effort.proposal.id is not None
+    return effort.case.setting.timing.pass_s(arm, effort.proposal.id.ballot.counter)
 
 
 def _brought(effort: Effort) -> tuple[Value | None, Value | None]:
@@ -131,7 +138,7 @@ def _bytes(effort: Effort) -> int:
     return sum(len(value.data) + len(value.body) for value in _brought(effort) if value is not None)
 
 
-def _send(effort: Effort, ways: dict[NodeId, Route], arm: int) -> None:
+def _send(effort: Effort, ways: dict[NodeId, Route], wait_s: float) -> None:
     case, proposal = effort.case, effort.proposal
     assert proposal.id is not None
     highest, value = _brought(effort)
@@ -140,8 +147,7 @@ def _send(effort: Effort, ways: dict[NodeId, Route], arm: int) -> None:
         case.send(node, Propose(case.setting.genesis, proposal.id, route, proposal.facts, highest, value, is_takeover))
     effort.change(arms=frozenset(ways))
     if ways:
-        wait = case.setting.timing.pass_s(arm, proposal.id.ballot.counter)
-        case.set_timer(Timer(Waits.ANSWERS, proposal.id), wait, wait)
+        case.set_timer(Timer(Waits.ANSWERS, proposal.id), wait_s, wait_s)
 
 
 # ----------------------------------------------------------------------------------------------------------- waiting
