@@ -12,7 +12,7 @@ from scenefold.consensus.effort import Effort
 from scenefold.consensus.hops import proof_in
 from scenefold.consensus.messages import Propose
 from scenefold.consensus.routes import Route, arms, first_of, in_line, straight_to
-from scenefold.consensus.state import NEVER, Proposal, Stage
+from scenefold.consensus.state import NEVER, Proposal
 from scenefold.consensus.tables import acting
 from scenefold.consensus.timing import Timer, Waits
 from scenefold.consensus.values import Value
@@ -253,9 +253,7 @@ def reject_as_refused(effort: Effort) -> None:
 
 def reject_as_noted(effort: Effort) -> None:
     """answer REJECTED with what was remembered of the newest ballot, while that is under way of the one before, or 15"""
-    proposal = effort.proposal
-    is_known = proposal.stage is Stage.RESTING or proposal.reason is not RejectReason.NO_MAJORITY
-    _reject(effort, *((proposal.reason, proposal.by) if is_known else proposal.before))
+    _reject(effort, *effort.proposal.noted)
 
 
 def let_go(effort: Effort) -> None:

@@ -143,7 +143,7 @@ def in_doubt(effort: Effort) -> bool:
     proposal, slot = effort.proposal, effort.case.slot
     digest = proposal.digest
     if digest is None:
-        return proposal.has_voted or proposal.is_behind
+        return proposal.has_met_something
     return digest in slot.exposed or digest == slot.accepted_digest or proposal.is_behind
 
 
