@@ -113,12 +113,14 @@ def send_out(effort: Effort) -> None:
 
 
 def repeat(effort: Effort) -> None:
-    """send 7 once more, straight to each whose fact is missing, and wait T_PASS, for longer the more ballots came to nothing"""
+    """send 7 once more, straight to each whose fact is missing, and wait T_PASS, for longer the more ballots came to nothing though a majority of P(L) can be reached"""
     case, proposal = effort.case, effort.proposal
     assert proposal.id is not None
     there = {fact.member.node for fact in proposal.facts}
     ways = {node: straight_to(proposal.route, case.me, node) for node in proposal.route if node not in there}
-    _send(effort, ways, case.setting.timing.repeat_s(1, proposal.id.ballot.counter, case.state.tries))
+    # Who cannot be reached is not slow.
+    tries = case.state.tries if case.reaches_majority else 0
+    _send(effort, ways, case.setting.timing.repeat_s(1, proposal.id.ballot.counter, tries))
 
 
 def _pass_s(effort: Effort, arm: int) -> float:

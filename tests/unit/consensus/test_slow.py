@@ -138,3 +138,24 @@ def test_a_refusal_that_comes_in_the_pause_is_told() -> None:
     [reply] = world.nodes[A].replies
     assert (reply.outcome, reply.reason, reply.by) == (Outcome.REJECTED, RejectReason.BUSY, B)
     assert not accepts(world)
+
+
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_who_reaches_no_majority_waits_no_longer_for_that(is_cut: bool) -> None:
+    """Of many ballots all came to nothing: for want of links, which may be there again at once, or of answers, which may come late."""
+    world = World(1, B, A, C)
+    world.at_once_bytes = AT_ONCE
+    world.filter = lambda source, target, message: False
+    if is_cut:
+        world.part({A}, {B, C})
+    world.ask(A, "it", within=WITHIN_S)
+    world.run(60.0, lambda: _tries(world) >= 5 and proposal_of(world, A).stage is Stage.SEEKING)
+    began = world.now
+    world.run(60.0, lambda: proposal_of(world, A).stage is not Stage.SEEKING)
+    assert round(world.now - began, 3) == (3.6 if is_cut else 14.4)
+
+
+def _tries(world: World) -> int:
+    state = world.nodes[A].state
+    assert state is not None
+    return state.tries
