@@ -12,6 +12,7 @@ from scenefold.base.ids import KeyId
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import LEASE_DOMAIN, SigningKey
 from scenefold.peer.modes import Borrower
+from scenefold.peer.modes.packets import lease_message
 from scenefold.peer.modes.scene_modes import SceneModes
 from scenefold.peer.timing import T_LEASE_S, T_WAIT_S
 from scenefold.wire import (
@@ -22,6 +23,7 @@ from scenefold.wire import (
     LentLease,
     RejectSceneProposal,
     RequestSceneLog,
+    RespondSceneLog,
     SceneMode,
     SetMode,
     Want,
@@ -223,5 +225,26 @@ def test_a_lease_is_granted_to_who_takes_part_and_signs() -> None:
             else:
                 found = None
             assert found is reason
+
+    assembled(3, main)
+
+
+def test_only_one_who_signs_makes_a_node_ask_for_what_it_lacks() -> None:
+    """A stranger, and who names another incarnation, may say that it has more than there is: it is granted nothing, and nobody is asked."""
+
+    async def main(them: Assembly) -> None:
+        await them.create(0, 1)
+        one, asked = modes(them, 0), list[int]()
+        one._behind = lambda: asked.append(1)
+        own, stranger = them.of(1).own, them.of(2).own
+        reborn = replace(own.member, incarnation=bytes(16))
+        for member in (stranger.member, reborn):
+            answer = await one.on_lease(RequestSceneLog(them.scene, them.genesis, 2**60, 1, Want.LEASE, member, bytes(64)), member.node)
+            assert isinstance(answer, RespondSceneLog) and answer.answer is not None and answer.answer.flags == 0
+        assert not asked
+        asking = RequestSceneLog(them.scene, them.genesis, 2**60, 1, Want.LEASE, own.member)
+        signed = replace(asking, proof=own.key.sign(LEASE_DOMAIN, lease_message(asking, own.member)))
+        await one.on_lease(signed, own.me)
+        assert asked == [1]
 
     assembled(3, main)

@@ -12,7 +12,7 @@ from scenefold.consensus.effort import Effort
 from scenefold.consensus.hops import proof_in
 from scenefold.consensus.messages import Propose
 from scenefold.consensus.routes import Route, arms, first_of, in_line, straight_to
-from scenefold.consensus.state import NEVER, Proposal, Stage
+from scenefold.consensus.state import NEVER, Proposal
 from scenefold.consensus.tables import acting
 from scenefold.consensus.timing import Timer, Waits
 from scenefold.consensus.values import Value
@@ -105,18 +105,27 @@ def send_out(effort: Effort) -> None:
     goes_straight = case.state.tries % 2 == 0
     if goes_straight and len(others) * _bytes(effort) <= case.setting.at_once_bytes:
         reached = [node for node in others if node in case.view.reachable]
-        _send(effort, {node: straight_to(route, case.me, node) for node in reached}, 1)
+        _send(effort, {node: straight_to(route, case.me, node) for node in reached}, _pass_s(effort, 1))
         return
     both = arms(route, case.me)
     firsts = [first for arm in both if (first := first_of(arm, case.view.reachable)) is not None]
-    _send(effort, dict.fromkeys(firsts, route), max(len(arm) for arm in both))
+    _send(effort, dict.fromkeys(firsts, route), _pass_s(effort, max(len(arm) for arm in both)))
 
 
 def repeat(effort: Effort) -> None:
-    """send 7 once more, straight to each whose fact is missing, and wait T_PASS"""
-    there = {fact.member.node for fact in effort.proposal.facts}
-    missing = [node for node in effort.proposal.route if node not in there]
-    _send(effort, {node: straight_to(effort.proposal.route, effort.case.me, node) for node in missing}, 1)
+    """send 7 once more, straight to each whose fact is missing, and wait T_PASS, for longer the more ballots came to nothing though a majority of P(L) can be reached"""
+    case, proposal = effort.case, effort.proposal
+    assert proposal.id is not None
+    there = {fact.member.node for fact in proposal.facts}
+    ways = {node: straight_to(proposal.route, case.me, node) for node in proposal.route if node not in there}
+    # Who cannot be reached is not slow.
+    tries = case.state.tries if case.reaches_majority else 0
+    _send(effort, ways, case.setting.timing.repeat_s(1, proposal.id.ballot.counter, tries))
+
+
+def _pass_s(effort: Effort, arm: int) -> float:
+    assert effort.proposal.id is not None
+    return effort.case.setting.timing.pass_s(arm, effort.proposal.id.ballot.counter)
 
 
 def _brought(effort: Effort) -> tuple[Value | None, Value | None]:
@@ -131,7 +140,7 @@ def _bytes(effort: Effort) -> int:
     return sum(len(value.data) + len(value.body) for value in _brought(effort) if value is not None)
 
 
-def _send(effort: Effort, ways: dict[NodeId, Route], arm: int) -> None:
+def _send(effort: Effort, ways: dict[NodeId, Route], wait_s: float) -> None:
     case, proposal = effort.case, effort.proposal
     assert proposal.id is not None
     highest, value = _brought(effort)
@@ -140,8 +149,7 @@ def _send(effort: Effort, ways: dict[NodeId, Route], arm: int) -> None:
         case.send(node, Propose(case.setting.genesis, proposal.id, route, proposal.facts, highest, value, is_takeover))
     effort.change(arms=frozenset(ways))
     if ways:
-        wait = case.setting.timing.pass_s(arm, proposal.id.ballot.counter)
-        case.set_timer(Timer(Waits.ANSWERS, proposal.id), wait, wait)
+        case.set_timer(Timer(Waits.ANSWERS, proposal.id), wait_s, wait_s)
 
 
 # ----------------------------------------------------------------------------------------------------------- waiting
@@ -247,9 +255,7 @@ def reject_as_refused(effort: Effort) -> None:
 
 def reject_as_noted(effort: Effort) -> None:
     """answer REJECTED with what was remembered of the newest ballot, while that is under way of the one before, or 15"""
-    proposal = effort.proposal
-    is_known = proposal.stage is Stage.RESTING or proposal.reason is not RejectReason.NO_MAJORITY
-    _reject(effort, *((proposal.reason, proposal.by) if is_known else proposal.before))
+    _reject(effort, *effort.proposal.noted)
 
 
 def let_go(effort: Effort) -> None:

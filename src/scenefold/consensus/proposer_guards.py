@@ -8,6 +8,7 @@ from scenefold.consensus.choosing import named_highest
 from scenefold.consensus.effort import Effort
 from scenefold.consensus.hops import proof_in
 from scenefold.consensus.tables import named
+from scenefold.wire import Phase
 
 _FOR_GOOD = frozenset(
     {
@@ -92,6 +93,11 @@ def needs_consent(effort: Effort) -> bool:
     return effort.proposal.needs_consent
 
 
+def in_the_second_phase(effort: Effort) -> bool:
+    """it is the second phase of the ballot that came to nothing"""
+    return effort.proposal.id is not None and effort.proposal.id.phase is Phase.ACCEPT
+
+
 def overtaken(effort: Effort) -> bool:
     """this node has promised a higher ballot since"""
     return effort.proposal.id is None or effort.case.slot.promised != effort.proposal.id.ballot
@@ -137,7 +143,7 @@ def in_doubt(effort: Effort) -> bool:
     proposal, slot = effort.proposal, effort.case.slot
     digest = proposal.digest
     if digest is None:
-        return proposal.has_voted or proposal.is_behind
+        return proposal.has_met_something
     return digest in slot.exposed or digest == slot.accepted_digest or proposal.is_behind
 
 
@@ -161,6 +167,7 @@ GUARDS = named(
         nothing_begun,
         arms_are_out,
         needs_consent,
+        in_the_second_phase,
         overtaken,
         too_few_promises,
         not_all_agree,

@@ -20,6 +20,8 @@ DECIDED = "L decided"
 _IDLE, _PREPARING, _SEEKING, _ACCEPTING, _REPEATING, _RESTING = Stage
 _BUSY = (_PREPARING, _SEEKING, _ACCEPTING, _REPEATING, _RESTING)
 _FIRST = (_PREPARING, _SEEKING)
+_PAUSING = (_RESTING,)
+"""The ballot came to nothing in its time, and no other one follows yet: what comes late still counts."""
 _SECOND = (_ACCEPTING, _REPEATING)
 _OUTSIDE = (_PREPARING, _SEEKING, _RESTING)
 _VOTING = (_ACCEPTING, _REPEATING, _RESTING)
@@ -42,7 +44,7 @@ PROPOSER = (
     Row((ORPHANED,), ("no_ballot_left",), at=(_IDLE,)),
     Row((ORPHANED,), (), ("take_over", "open_ballot", "send_out"), at=(_IDLE,), then=_PREPARING),
     Row((ORPHANED,), (), ("wait_again",), at=_BUSY),
-    Row((REFUSED,), ("for_good", "nothing_begun"), ("reject_as_refused",), at=_FIRST, then=_IDLE),
+    Row((REFUSED,), ("for_good", "nothing_begun"), ("reject_as_refused",), at=_OUTSIDE, then=_IDLE),
     Row((REFUSED,), (), ("note", "rest"), at=_FIRST, then=_RESTING),
     Row((ANSWERED,), ("arms_are_out", "needs_consent"), at=(_PREPARING,)),
     Row((ANSWERED,), ("arms_are_out", "too_few_promises"), at=(_PREPARING,)),
@@ -55,6 +57,14 @@ PROPOSER = (
     Row((ANSWERED, WAITED), ("cannot_write",), ("rest",), at=_FIRST, then=_RESTING),
     Row((ANSWERED, WAITED), (), ("vote", "hear", "send_out"), at=_FIRST, then=_ACCEPTING),
     Row(_NEWS, ("voted_by_a_majority",), ("decide",), at=_VOTING),
+    Row((REFUSED,), (), ("note",), at=_PAUSING),
+    Row((ANSWERED,), ("in_the_second_phase",), at=_PAUSING),
+    Row((ANSWERED,), ("overtaken",), at=_PAUSING),
+    Row((ANSWERED,), ("too_few_promises",), at=_PAUSING),
+    Row((ANSWERED,), ("not_all_agree",), at=_PAUSING),
+    Row((ANSWERED,), ("nothing_to_propose",), ("say_open",), at=_PAUSING, then=_IDLE),
+    Row((ANSWERED,), ("cannot_write",), at=_PAUSING),
+    Row((ANSWERED,), (), ("vote", "hear", "send_out"), at=_PAUSING, then=_ACCEPTING),
     Row((ANSWERED, REFUSED), ("arms_are_out",), ("note",), at=(_ACCEPTING, _REPEATING)),
     Row(_NEWS, (), ("note", "repeat"), at=(_ACCEPTING,), then=_REPEATING),
     Row(_NEWS, (), ("note", "rest"), at=(_REPEATING,), then=_RESTING),

@@ -80,6 +80,17 @@ class Proposal:
     def digest(self) -> bytes | None:
         return None if self.wish is None else self.wish.digest
 
+    @property
+    def has_met_something(self) -> bool:
+        """Whoever only looked cannot be told any more that there is nothing: it has voted for something, or the position is decided."""
+        return self.has_voted or self.is_behind
+
+    @property
+    def noted(self) -> tuple[RejectReason, NodeId | None]:
+        """What was remembered of the newest ballot, while that is under way of the one before."""
+        is_known = self.stage is Stage.RESTING or self.reason is not RejectReason.NO_MAJORITY
+        return (self.reason, self.by) if is_known else self.before
+
 
 IDLE = Proposal()
 

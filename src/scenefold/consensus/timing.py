@@ -9,11 +9,18 @@ from scenefold.wire import ProposalId
 
 _EXPONENT_MAX = 6
 _PATIENCE_MAX = 4.0
+_LAST_PATIENCE_MAX = 16.0
+"""Before a ballot is given up, by a node of which several came to nothing."""
 
 
 def _patience(counter: int) -> float:
     """A ballot that comes after others is waited for longer: what these waited for may only have been slow, and asking more often makes it slower."""
     return min(_PATIENCE_MAX, 2.0 ** max(0, min(counter, _EXPONENT_MAX) - 1))
+
+
+def _last_patience(counter: int, tries: int) -> float:
+    """Likewise once everything was sent again: what is lost does not come by waiting longer before that, and what is slow does by waiting after it."""
+    return max(_patience(counter), min(_LAST_PATIENCE_MAX, 2.0 ** min(tries, _EXPONENT_MAX)))
 
 
 class Waits(Enum):
@@ -46,7 +53,14 @@ class Timing:
 
     def pass_s(self, arm: int, counter: int = 1) -> float:
         """For a pass whose longer arm visits so many nodes, in a ballot with this counter."""
-        return max(self.pass_s_min, self.hop_s * (arm + 1)) * _patience(counter)
+        return self._pass_s(arm) * _patience(counter)
+
+    def repeat_s(self, arm: int, counter: int, tries: int) -> float:
+        """For the same pass once more, at a node of whose ballots so many came to nothing."""
+        return self._pass_s(arm) * _last_patience(counter, tries)
+
+    def _pass_s(self, arm: int) -> float:
+        return max(self.pass_s_min, self.hop_s * (arm + 1))
 
     def hops_s(self, further: int, counter: int = 1) -> float:
         """At a hop, behind which the arm visits so many nodes."""

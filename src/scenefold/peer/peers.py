@@ -51,10 +51,10 @@ class Peers:
             raise PeerFault(f"a {type(packet).__name__} was answered with a {type(reply).__name__}", where=address)
         return reply
 
-    async def tell(self, member: NodeId, priority: Priority, packet: Packet, timeout: float) -> None:
-        """Send a packet that has no answer; Unreachable if it cannot leave."""
+    async def tell(self, member: NodeId, priority: Priority, packet: Packet, timeout: float, *, while_it_moves: bool = False) -> None:
+        """Send a packet that has no answer; Unreachable if it cannot leave. `while_it_moves`: as of `Links.send`."""
         try:
-            await self._links.send(address_of(member), priority, self._stamped(packet), timeout)
+            await self._links.send(address_of(member), priority, self._stamped(packet), timeout, while_it_moves=while_it_moves)
         except Unreachable:
             self._roster.note_refusal(member)
             raise

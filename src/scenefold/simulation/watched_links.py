@@ -79,5 +79,5 @@ class WatchedLinks:
         elif isinstance(packet, QueryRange) and isinstance(answer, ReturnRange):
             recorder.listed(way, begin, answer)
 
-    async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> None:
-        await self._links.send(address, priority, packet, timeout_s)
+    async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float, *, while_it_moves: bool = False) -> None:
+        await self._links.send(address, priority, packet, timeout_s, while_it_moves=while_it_moves)

@@ -80,6 +80,11 @@ class Channel:
                 return await self._exchange(packet)
         raise self._unreachable(f"no answer within {timeout_s:g} s")
 
+    @property
+    def moved_at(self) -> float:
+        """When a part of something that was sent last left, by Trio's clock."""
+        return self._outbox.moved_at
+
     def end(self, why: str) -> None:
         """Talk to this peer no more: who waits for an answer hears why, at once."""
         self._lose(why)

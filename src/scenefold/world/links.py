@@ -71,12 +71,19 @@ class Links:
             return await channel.request(packet, timeout_s)
         raise _too_slow(NotReached if channel is None else Unreachable, address, timeout_s)
 
-    async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float) -> None:
-        """Send a packet that has no answer; it is on its way when this returns."""
-        with trio.move_on_after(timeout_s):
-            channel = await self._channel(address, priority)
-            await channel.send(packet)
-            return
+    async def send(self, address: str, priority: Priority, packet: Packet, timeout_s: float, *, while_it_moves: bool = False) -> None:
+        """Send a packet that has no answer; it is on its way when this returns.
+
+        `while_it_moves`: what is before it on this connection may take longer, as long as some of it has left within `timeout_s`.
+        """
+        is_moving = True
+        while is_moving:
+            channel, since = None, trio.current_time()
+            with trio.move_on_after(timeout_s):
+                channel = await self._channel(address, priority)
+                await channel.send(packet)
+                return
+            is_moving = while_it_moves and channel is not None and channel.is_open and channel.moved_at > since
         raise _too_slow(Unreachable, address, timeout_s)
 
     async def _channel(self, address: str, priority: Priority) -> Channel:

@@ -24,6 +24,8 @@ class Outbox:
         self._connection = connection
         self._entrance, self._exit = trio.open_memory_channel[bytes](0)
         self._finished = trio.Event()
+        self.moved_at = float("-inf")
+        """When a piece last left, by Trio's clock."""
 
     async def put(self, frame: bytes) -> None:
         """Returns once the sender has the frame; ConnectionLost if it takes none any more."""
@@ -64,3 +66,4 @@ class Outbox:
                 await self._connection.send(view[start : start + PIECE_BYTES])
             if patience.cancelled_caught:
                 raise ConnectionLost(f"the peer read nothing for {SEND_STALL_S_MAX:g} s")
+            self.moved_at = trio.current_time()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scenefold.consensus import acceptor, hops, learning, proposer
+from scenefold.consensus import Outcome, acceptor, hops, learning, proposer
 from scenefold.consensus.acceptor_table import ACCEPT, ACCEPTOR, PREPARE
 from scenefold.consensus.hops_table import HOME, HOP_OVER, HOPS
 from scenefold.consensus.learning_table import LEARN, LEARNING, LOG_ASKED
@@ -12,7 +12,7 @@ from scenefold.consensus.proposer_table import ASK, ORPHANED, PROPOSER
 from scenefold.consensus.state import Stage
 from scenefold.consensus.tables import Row, first_fit
 from unit.consensus.soup import Soup
-from unit.consensus.world import World
+from unit.consensus.world import Weather, World
 
 SEEDS = 40
 TABLES = {"acceptor": ACCEPTOR, "hops": HOPS, "learning": LEARNING, "proposer": PROPOSER}
@@ -63,6 +63,7 @@ def taken() -> set[Row]:
         for seed in range(SEEDS):
             Soup(seed).run()
         _full_behind_its_promise()
+        _slow()
     return rows
 
 
@@ -75,6 +76,28 @@ def _full_behind_its_promise() -> None:
     world.nodes[1].disk.is_full = False
     world.run(30.0)
     assert world.agree() == ["it"]
+
+
+def _slow() -> None:
+    """Promises come in the pause: to one that only looks, and to one whose disk then takes no vote."""
+    for seed in range(4):
+        looks = World(seed, 2, 1, 3, weather=Weather(delay_s=(3.7, 3.7)))
+        looks.ask_again(1, None, within=60.0)
+        looks.run(60.0)
+        assert [reply.outcome for reply in looks.nodes[1].replies] == [Outcome.OPEN]
+    asks = World(1, 2, 1, 3, weather=Weather(delay_s=(4.0, 4.0)))
+    asks.ask(1, "it", within=60.0)
+    asks.run(4.0, lambda: _is_resting(asks, 1))
+    asks.nodes[1].disk.is_full = True
+    asks.run(10.0)
+    asks.nodes[1].disk.is_full = False
+    asks.run(60.0)
+    assert asks.agree() == ["it"]
+
+
+def _is_resting(world: World, node: int) -> bool:
+    state = world.nodes[node].state
+    return state is not None and state.proposal.stage is Stage.RESTING
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -16,7 +16,7 @@ import trio
 
 from scenefold.base.errors import Refused, Unreachable
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.cluster_log.elector import MISSED_S
+from scenefold.peer.cluster_log.missed import MISSED_AGAIN_S, MISSED_S
 from scenefold.peer.membership.evicting import Evicting
 from scenefold.peer.timing import LIFE_S, T_EVICT_S, T_LEASE_S, T_WAIT_S
 from scenefold.wire import DecidedLog, RemoveNode, RemoveParticipant, RequestSceneLog, Want
@@ -228,6 +228,26 @@ def test_a_voter_whose_disk_is_full_keeps_nobody_from_being_removed() -> None:
             assert trio.current_time() - began < 2 * MISSED_S
         assert said == {RejectReason.PEER_MISSED}
         assert trio.current_time() - began >= MISSED_S
+
+    simulate(scenario)
+
+
+def test_a_voter_that_was_missed_long_ago_is_asked_all_the_same() -> None:
+    """Of what it could not write then nothing follows for now: the first attempt needs its word, as the one of then did."""
+
+    async def scenario(cluster: LogCluster) -> None:
+        await begun(cluster, 0, 1, 2)
+        gone, disk = cluster.nodes[4].own.member, cluster.net.machine(cluster.nodes[1].address).disk
+        await cluster.crash(4)
+        for _ in range(2):
+            disk.fill()
+            await trio.sleep(T_WAIT_S)
+            with pytest.raises(Refused) as refusal:
+                await cluster.nodes[0].log.propose(RemoveNode(gone, "gone"))
+            assert refusal.value.reason is RejectReason.PEER_MISSED
+            disk.fill(None)
+            await trio.sleep(MISSED_AGAIN_S)
+        assert cluster.nodes[0].log.registry.stands(gone.node)
 
     simulate(scenario)
 

@@ -6,12 +6,16 @@ from dataclasses import dataclass, field
 
 import pytest
 import trio
+import trio.testing
 
 from scenefold.base.errors import Refused, Unreachable
-from scenefold.base.ids import KeyId
+from scenefold.base.ids import KeyId, NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.wire import ListScenes
+from scenefold.consensus import Propose, Value
+from scenefold.consensus.packets import packet_of
+from scenefold.wire import Ballot, ListScenes, Phase, ProposalId
 from scenefold.world import Priority, open_links
+from scenefold.world.outbox import PIECE_BYTES
 from scenefold.world.ports import Connection
 
 ADDRESS = "127.0.0.9"
@@ -87,3 +91,42 @@ async def test_a_channel_ends_once_its_peers_key_counts_no_longer() -> None:
         await world.opened[0].closed.wait()
         with pytest.raises(Unreachable, match="is revoked"):
             await links.request(ADDRESS, Priority.HIGH, ListScenes(), 5)
+
+
+class Slow(Answering):
+    """It takes a piece a second, and answers nothing."""
+
+    stalls = False
+
+    async def send(self, data: bytes | memoryview) -> None:
+        await trio.sleep(float("inf") if self.stalls and self.heard else 1.0)
+        self.heard.append(bytes(data))
+
+
+@pytest.mark.parametrize("stalls", [False, True])
+@pytest.mark.parametrize("while_it_moves", [False, True])
+async def test_what_waits_behind_something_large_is_not_lost_while_that_leaves(
+    while_it_moves: bool, stalls: bool, autojump_clock: trio.testing.MockClock
+) -> None:
+    """Else whoever is on a slow link counts as gone whenever something large is sent to it."""
+    world = World(NEW)
+    slow = Slow(NEW)
+    slow.stalls = stalls
+
+    async def connect(_address: str, _priority: Priority) -> Slow:
+        return slow
+
+    world.connect = connect  # type: ignore[method-assign, assignment]
+    large = packet_of(
+        Propose(bytes(32), ProposalId(1, Ballot(1, NodeId(1)), Phase.ACCEPT), (), (), value=Value(b"data", bytes(7 * PIECE_BYTES)))
+    )
+    async with open_links(world) as links:  # type: ignore[arg-type]
+        await links.send(ADDRESS, Priority.HIGH, large, 2.0, while_it_moves=while_it_moves)
+        began = trio.current_time()
+        if while_it_moves and not stalls:
+            await links.send(ADDRESS, Priority.HIGH, ListScenes(), 2.0, while_it_moves=True)
+            assert trio.current_time() - began >= 6.0
+        else:
+            with pytest.raises(Unreachable, match="within 2 s"):
+                await links.send(ADDRESS, Priority.HIGH, ListScenes(), 2.0, while_it_moves=while_it_moves)
+            assert trio.current_time() - began <= 4.0

@@ -7,7 +7,6 @@ what the others have against it they say then.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Awaitable, Callable
 
 from scenefold.base.errors import Refused, Unreachable
@@ -18,7 +17,9 @@ from scenefold.peer.cluster_log.beginnings import Beginnings
 from scenefold.peer.cluster_log.cluster_judge import ClusterJudge, value_of
 from scenefold.peer.cluster_log.log_rules import BEGAN_ANEW, check_proposer, committed_at, in_words, predecessor
 from scenefold.peer.cluster_log.log_voter import Veto, check_not_vetoed
+from scenefold.peer.cluster_log.missed import Missed
 from scenefold.peer.cluster_log.voted_log import VotedLog
+from scenefold.peer.logs import Answer
 from scenefold.peer.timing import T_WAIT_S
 from scenefold.wire import AddNode, AddParticipant, LogEntry, LogRecord, Member, RemoveNode, RemoveParticipant
 from scenefold.world import QuietLog, World
@@ -27,8 +28,6 @@ from scenefold.world.facts import ClusterFacts
 _OF_BALLOTS = frozenset({RejectReason.POSITION_TAKEN, RejectReason.NOT_AUTHORISED, RejectReason.SIGNATURE_INVALID})
 DECIDE_S = 9.0
 """For the voters to decide: whoever asked waits a little longer."""
-MISSED_S = 30.0
-"""A voter that lives, and for so long says nothing to a removal, can write nothing down: the others go on without it."""
 
 _log = logging.getLogger("scenefold.peer.cluster_log.cluster_log")
 
@@ -40,8 +39,7 @@ class Elector:
         self._world, self._facts, self._me, self._voted = world, facts, me, voted
         self._started_at = world.clock.now()
         self._beginnings = Beginnings()
-        self._missed_since: dict[NodeId, float] = {}
-        """Of those who are to be removed: since when a voter that lives says nothing to it."""
+        self._missed = Missed()
         self._quiet = QuietLog(_log)
         self.veto: Veto | None = None
         """Asked about removals that another node proposes to this voter: a reason against it, or None."""
@@ -121,10 +119,12 @@ class Elector:
             return value_of(LogRecord(registry.position + 1, registry.head, request_id, origin, entry))
 
         # Who is not heard by some is removed only if nobody who decides, and is there, objects.
-        is_for_all = isinstance(entry, RemoveNode) and origin != entry.member.node and not self._is_missed_for_long(entry)
+        is_for_all = isinstance(entry, RemoveNode) and origin != entry.member.node
+        if isinstance(entry, RemoveNode) and self._missed.is_for_long(entry.member, self._world.clock.now()):
+            is_for_all = False
         answer = await self._voted.log.ask(make, DECIDE_S, is_for_all=is_for_all)
         if isinstance(entry, RemoveNode):
-            self._note_missed(entry, is_missed=answer.outcome is Outcome.REJECTED and answer.reason is RejectReason.PEER_MISSED)
+            self._note_missed(entry, answer)
         if answer.outcome is Outcome.COMMITTED:
             _log.info("cluster log, position %d: %s", answer.position, in_words(entry))
             return answer.position
@@ -136,15 +136,11 @@ class Elector:
             raise Refused(reason, f"the voters do not decide a {type(entry).__name__}: {words}", where=address_of(by))
         raise Unreachable(f"not enough voters have answered, and a {type(entry).__name__} may be decided yet", where=address_of(self._me))
 
-    def _is_missed_for_long(self, entry: RemoveNode) -> bool:
-        return self._world.clock.now() - self._missed_since.get(entry.member.node, math.inf) >= MISSED_S
-
-    def _note_missed(self, entry: RemoveNode, *, is_missed: bool) -> None:
-        registry, node = self._voted.registry, entry.member.node
-        since = self._missed_since.pop(node, self._world.clock.now())
-        self._missed_since = {known: at for known, at in self._missed_since.items() if registry.stands(known)}
-        if is_missed:
-            self._missed_since[node] = since
+    def _note_missed(self, entry: RemoveNode, answer: Answer) -> None:
+        if answer.outcome is Outcome.REJECTED and answer.reason is RejectReason.PEER_MISSED:
+            self._missed.note(entry.member, answer.by, self._world.clock.now())
+        else:
+            self._missed.clear(entry.member)
 
     # -------------------------------------------------------------------------------------------- as one of the others
 

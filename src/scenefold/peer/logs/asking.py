@@ -118,7 +118,7 @@ class Asking:
         for line in (self._waiting, self._to_look, self._looking):
             for request in [request for request in line if self._is_late(request, now)]:
                 line.remove(request)
-                request.finish(_late(request, state))
+                request.finish(_looked(state) if line is self._looking else _late(request, state))
 
     def _is_late(self, request: _Request, now: float) -> bool:
         """What is proposed has the latest deadline of those whose look it is, and knows more of what became of it."""
@@ -176,6 +176,14 @@ def _late(request: _Request, state: State) -> Answer | Refused:
         if value.digest in state.slot.exposed | {state.slot.accepted_digest, state.proposal.digest}:
             return Answer(Outcome.UNKNOWN, position)
     return Answer(Outcome.REJECTED, position, RejectReason.NO_MAJORITY)
+
+
+def _looked(state: State) -> Answer:
+    """What is told to one whose look goes on for others: that of their barrier, as things stand."""
+    proposal, position = state.proposal, state.position + 1
+    if proposal.has_met_something:
+        return Answer(Outcome.UNKNOWN, position)
+    return Answer(Outcome.REJECTED, position, *proposal.noted)
 
 
 def _check(value: Value | None, state: State) -> None:

@@ -18,7 +18,8 @@ from scenefold.wire import Member, Packet
 from scenefold.world import Clock, Links, Priority, QuietLog
 
 SEND_S_MAX = 2.0
-"""For a packet to leave, with the connection that it may take. Who is silent holds up nobody but himself."""
+"""For a packet to leave, with the connection that it may take, or for a piece of what is before it. Who is silent holds up nobody but himself; who is
+slow is not gone."""
 LOOK_S = 0.1
 """So long what the roster says of everybody is not asked for anew: a log looks at each event."""
 
@@ -44,7 +45,7 @@ class LinkCarrier:
 
     async def _tell(self, target: NodeId, packet: Packet) -> None:
         try:
-            await self._peers.tell(target, Priority.HIGH, packet, SEND_S_MAX)
+            await self._peers.tell(target, Priority.HIGH, packet, SEND_S_MAX, while_it_moves=True)
             self._logs.packets_sent += 1
         except (Refused, PeerFault) as problem:
             # Its program is older, or its key counts no more: this node reaches it as little as one that is away.

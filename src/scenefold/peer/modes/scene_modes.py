@@ -174,7 +174,8 @@ class SceneModes(Owner):
         if verdict in (Verdict.STRANGER, Verdict.SILENT):
             who = "the asker" if verdict is Verdict.STRANGER else "this node"
             raise Refused(RejectReason.NOT_AUTHORISED, f"{who} takes no part in the scene's next position")
-        if verdict is Verdict.NOT_HERE_YET:
+        if verdict is Verdict.NOT_HERE_YET and key is not None:
+            # Else nobody has signed how far it is: a stranger's word makes this node ask nobody.
             self._behind()
         flags = GRANT if verdict is Verdict.GRANT else 0
         return RespondSceneLog(SceneLogAnswer(packet.nonce, flags, self.public.position, self.public, None))

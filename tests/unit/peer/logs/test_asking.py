@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import pytest
 import trio
 import trio.testing
 
 from scenefold.base.errors import Refused
+from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.consensus import Ask, Judge, Outcome, Reply, State, Value
+from scenefold.consensus import Ask, Judge, Outcome, Reply, Stage, State, Value
+from scenefold.consensus.state import Proposal
 from scenefold.peer.logs import Answer
 from scenefold.peer.logs.asking import LOOKS_MAX, Asking
 from unit.consensus.logs_made import Book, participants
@@ -81,10 +85,10 @@ async def test_all_who_wait_to_look_share_one_look_and_changes_come_between() ->
         assert changed is not None and changed.value is not None and said[1:] == ["a"]
         shared = asking.next(state, 0.0)
         assert shared is not None and (shared.value, shared.deadline) == (None, 6.0)
-        asking.expire(state, 5.5)
+        asking.expire(replace(state, proposal=Proposal(has_voted=True)), 5.5)
         await trio.testing.wait_all_tasks_blocked()
-        assert sorted(said[2:]) == [f"look {number:02} REJECTED" for number in range(0, 20, 2)], (
-            "whose time is over does not wait for the others"
+        assert sorted(said[2:]) == [f"look {number:02} UNKNOWN" for number in range(0, 20, 2)], (
+            "whose time is over does not wait for the others, and something was begun"
         )
         asking.expire(state, 6.5)
         asking.hear(Reply(None, Outcome.OPEN, 1))
@@ -92,6 +96,38 @@ async def test_all_who_wait_to_look_share_one_look_and_changes_come_between() ->
         assert sorted(said[12:]) == [f"look {number:02} OPEN" for number in range(1, 20, 2)]
         assert (await settle(Outcome.COMMITTED)) is not None and said[22:] == ["b"]
         assert await settle(Outcome.COMMITTED) is None
+
+
+@pytest.mark.parametrize(
+    ("barrier", "said"),
+    [
+        (Proposal(), Answer(Outcome.REJECTED, 1, RejectReason.NO_MAJORITY)),
+        (Proposal(Stage.RESTING, reason=RejectReason.BUSY, by=NodeId(2)), Answer(Outcome.REJECTED, 1, RejectReason.BUSY, NodeId(2))),
+        (Proposal(before=(RejectReason.POSITION_TAKEN, NodeId(3))), Answer(Outcome.REJECTED, 1, RejectReason.POSITION_TAKEN, NodeId(3))),
+        (Proposal(Stage.PREPARING, is_behind=True), Answer(Outcome.UNKNOWN, 1)),
+        (Proposal(Stage.ACCEPTING, has_voted=True), Answer(Outcome.UNKNOWN, 1)),
+        (Proposal(Stage.RESTING, has_voted=True, reason=RejectReason.POSITION_TAKEN), Answer(Outcome.UNKNOWN, 1)),
+    ],
+)
+async def test_whose_look_goes_on_for_others_is_told_how_it_stands(barrier: Proposal, said: Answer) -> None:
+    """By what their barrier has met so far: what it has voted for may be decided, and is no refusal. Whose look has not begun is told 15."""
+    state, told = State(Book(participants(1, 2, 3))), dict[str, Answer]()
+    asking = Asking(lambda: None)
+
+    async def look(name: str, deadline: float) -> None:
+        told[name] = await asking.ask(None, deadline, is_for_all=False, is_forced=False, needs_consent=True)
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(look, "early", 5.0)
+        nursery.start_soon(look, "late", 6.0)
+        await trio.testing.wait_all_tasks_blocked()
+        assert asking.next(state, 0.0) is not None
+        nursery.start_soon(look, "next", 5.0)
+        await trio.testing.wait_all_tasks_blocked()
+        asking.expire(replace(state, proposal=barrier), 5.5)
+        await trio.testing.wait_all_tasks_blocked()
+        assert told == {"early": said, "next": Answer(Outcome.REJECTED, 1, RejectReason.NO_MAJORITY)}
+        asking.hear(Reply(None, Outcome.UNKNOWN, 1))
 
 
 async def test_a_look_that_nobody_waits_for_is_left_out() -> None:

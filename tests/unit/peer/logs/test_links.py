@@ -57,11 +57,11 @@ class Post:
         self.told: list[tuple[NodeId, Packet]] = []
         self.problem: Exception | None = None
 
-    async def tell(self, member: NodeId, priority: Priority, packet: Packet, timeout: float) -> None:
+    async def tell(self, member: NodeId, priority: Priority, packet: Packet, timeout: float, *, while_it_moves: bool) -> None:
         await trio.lowlevel.checkpoint()
         if self.problem is not None:
             raise self.problem
-        assert priority is Priority.HIGH
+        assert priority is Priority.HIGH and while_it_moves
         self.told.append((member, packet))
 
 
