@@ -12,6 +12,7 @@ import trio
 
 from scenefold.base.errors import Refused
 from scenefold.client.births import born, first_header, first_private, kept_keys
+from scenefold.crypto import SealingKey
 from scenefold.peer import NodeContext
 from scenefold.scene.log import Decider, Followed, check_decided, follow, keys_with_log, open_private
 from scenefold.simulation.cluster import Cluster, Habits, Node
@@ -20,6 +21,7 @@ from scenefold.simulation.speed import remembered_signatures
 from scenefold.wire import (
     AcceptSceneProposal,
     AddParticipant,
+    KeyEntry,
     LogEntry,
     Packet,
     ParticipantEntry,
@@ -184,7 +186,10 @@ class Assembly:
         raise AssertionError(f"not decided: {reply}")
 
     def grant(self) -> LogEntry:
-        return grant(next(self._numbers) % 100 + 1)
+        number = next(self._numbers) % 100 + 1
+        # One of its own: of two scalars that differ in the highest bits alone the keys are the same, the maker's among them.
+        sealing = SealingKey(bytes([0, number]) + bytes(30)).public.raw
+        return grant(number, sealing=KeyEntry(1, sealing))
 
     def removed(self, slot: int) -> RemoveParticipant:
         return RemoveParticipant(self.entry(slot).member)

@@ -97,6 +97,7 @@ PROVOKED = {
     "own status only": Provocation(laws.VERIFIED, LIES),
     "owner lease": Provocation(laws.ONE_OWNER, SILENCE, 60.0, first=1),
     "packets count once": Provocation(laws.ENDED, UNEVEN, 20.0, workload="renders", first=1),
+    "participants speak at once": Provocation(laws.PROMISES, BACKUPS, workload="logs", first=6),
     "purge asks only holders": Provocation(laws.LINEARIZABLE, ABSENCES, 45.0, copies=True, workload="purges", first=2),
     "rays by epoch": Provocation(laws.SOUND, JOLTS, 20.0, workload="renders"),
     "reader's memory": Provocation(laws.SOUND, LIES, first=1),

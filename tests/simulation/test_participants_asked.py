@@ -125,12 +125,12 @@ def test_a_barrier_says_whether_anything_was_begun() -> None:
     async def main(them: Assembly) -> None:
         await them.create(0, 1, 2)
         await them.commits(0)
+        await them.everybody_at(2, 0, 1, 2)
         old, newest = them.first.public, (await them.read(1)).public
 
         async def look(slot: int, public: SceneLogPublic, peer: str = USER) -> Packet | None:
             return await them.ask(slot, ProposeSceneLog(them.genesis, public.proposed(), b""), peer)
 
-        await them.everybody_at(2, 0, 1, 2)
         assert isinstance(await look(1, newest), AcceptSceneProposal)
         assert rejected(await look(1, old)) is RejectReason.POSITION_BEHIND
         looks = [await look(2, newest, "user:eve") for _ in range(LOOKS_BURST + 8)]

@@ -106,7 +106,7 @@ class PeerServices:
         cluster_log.forget_key = partial(world.workers.run, "import", papers.forget_log_key)
         lease = OwnerLease(world, store, cluster_log, own)
         check_new = partial(check_decider, voter=facts.credential(facts.voter))
-        participation = Participation(world, store, peers, own, ports)
+        participation = Participation(world, store, peers, own, ports, lease.begun)
         scenes = Scenes(world, store, peers, own, facts.voter, lambda key: is_user_key(key, registry(), facts), check_new, participation)
         lending = Lending(world, peers, me, participation.modes_of, scenes.here)
         claims = Claims(world.clock, cluster_log, roster, me)

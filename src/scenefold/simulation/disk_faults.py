@@ -28,6 +28,9 @@ STRAY_LOOK_S = 0.2
 RECORDED_LOOK_S, RECORDED_LOOKS_MAX = 0.5, 40
 """For a node that was restarted to be granted a lease: it may be cut off, or the voter down."""
 
+UNTOLD_S = 8.0
+"""So long every second node that starts from a backup cannot reach the voter, which would tell it so at once."""
+
 HANDOVER_STEPS_MAX = 5
 """A backup that is made at a step of a handover is made at one of so many that the node takes from then on."""
 
@@ -161,8 +164,20 @@ class DiskFaults:
         before = self._watch.records(node.slot)
         node.disk.restore(backup)
         self._watch.disk_replaced(node.slot, before, incarnation, "is put back to a backup")
-        if was_up:
+        if was_up and fault.end_s % 0.5 < 0.25:
+            await self._start_untold(node)
+        elif was_up:
             await self._cluster.restart(node.slot, 0.5)
+
+    async def _start_untold(self, node: Node) -> None:
+        net, reach, voter = self._cluster.net, self._watch.reach, self._cluster.voter
+        net.cut(voter.address, node.address)
+        reach.cut(voter.slot, node.slot, net.now)
+        await self._cluster.restart(node.slot, 0.5)
+        await trio.sleep(UNTOLD_S)
+        if not self._is_over():
+            net.mend(voter.address, node.address)
+        reach.mended(voter.slot, node.slot, net.now)
 
     def _has_lived_on(self, node: Node, incarnation: bytes | None, lives: Lives) -> bool:
         """Whether the node was granted a life that is not among these, and is still of this incarnation."""

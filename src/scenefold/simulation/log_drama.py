@@ -16,7 +16,7 @@ from scenefold.simulation.log_members import Steward
 from scenefold.simulation.log_modes import ModesWatch
 from scenefold.simulation.log_observing import ObserverSteward, OwnRenders
 from scenefold.simulation.log_watch import LogWatch
-from scenefold.simulation.log_weather import first_deciders, may_decide
+from scenefold.simulation.log_weather import first_deciders
 from scenefold.simulation.log_work import LogClient, Work
 from scenefold.simulation.outcome import COMMITTED_MIN, EDITS_MIN, LOOKS_MIN, Order, Proposals
 from scenefold.simulation.workload import draw_places
@@ -75,15 +75,15 @@ class LogDrama:
         self.watch.on_decided = modes.decided
         self._cluster.lookers += [self.watch.committed, modes.committed]
         self.watch.follow((await scene.access.read_log()).header)
-        schedule, nodes, count = self._order.schedule, self._order.nodes, self._order.deciders
+        nodes, count = self._order.nodes, self._order.deciders
         if count:
             steward = LogClient("steward", scene, self._order.seed, self._work, nonsense(clients[0]))
             watcher = LogClient("observers' steward", scene, self._order.seed, self._work, nonsense(clients[0]))
-            able = may_decide(schedule, nodes)
+            able = range(nodes)
             observers = ObserverSteward(self._cluster, watcher, self._order.seed, able, count)
             members = Steward(self._cluster, steward, self._order.seed, able, count, lambda: observers.observing)
             self._tasks.append(members.run)
-            if not await members.found(first_deciders(self._order.seed, schedule, nodes, count)):
+            if not await members.found(first_deciders(self._order.seed, nodes, count)):
                 self._violated(laws.CONVERGED, "in calm weather a scene gets no participants", ())
             self._tasks.append(observers.run)
         await self._edit(clients, modes, nonsense)

@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
+from scenefold.consensus.ballots import NO_BALLOT
 from scenefold.simulation import laws
 from scenefold.simulation.log_history import Wrong
 from scenefold.wire import Ballot, Member
@@ -56,6 +57,12 @@ class Voting:
             ballot, digest = paper.accepted
             wrong += self._votes(member, paper.position, ballot, digest)
         return wrong
+
+    def put_back(self, member: Member, paper: Paper) -> list[Wrong]:
+        """The same of a disk that is a backup of what it was: who goes by that has forgotten votes, and is to say nothing."""
+        if paper.promised == NO_BALLOT and paper.accepted is None:
+            return []
+        return [Wrong(laws.PROMISES, f"{_name(member)} takes part at position {paper.position}, and its disk was put back")]
 
     def certified(self, where: Member, position: int, ballot: Ballot, digest: bytes, voters: Collection[Member]) -> list[Wrong]:
         """A certificate lies on a node's disk. Who decides in the very step in which it votes has no vote of its own on its disk."""

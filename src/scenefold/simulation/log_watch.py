@@ -136,7 +136,8 @@ class LogWatch:
         votes = unpack_votes(self.first.genesis, stored)
         accepted = votes.slot.accepted
         paper = Paper(votes.position, votes.slot.promised, None if accepted is None else (accepted.ballot, accepted.value.digest))
-        self._say(self.voting.wrote(Member(self._nodes[slot], votes.incarnation), paper), slot)
+        wrote = self.voting.put_back if self._put_back.get(slot) == votes.incarnation else self.voting.wrote
+        self._say(wrote(Member(self._nodes[slot], votes.incarnation), paper), slot)
         # As above.
         header = self._header_on(slot)
         if header is not None and header.position >= votes.position - 1:

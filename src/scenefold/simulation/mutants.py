@@ -221,6 +221,7 @@ MUTANTS: dict[str, tuple[Patch, ...]] = {
     "last copy": (Patch("scenefold.peer.line.copying", "Copier.copy", _no_last_copy),),
     "strays brought home": (Patch("scenefold.peer.line.strays", "Strays._bring_home", _forgetful_strays),),
     "settling time": (Patch("scenefold.peer.line.settling", "settling_s", _always(0.0)),),
+    "participants speak at once": (Patch("scenefold.peer.scene_log.scene_owner", "SceneOwner.speaks", _always(True)),),
     "restored backup": (Patch("scenefold.peer.cluster_log.log_voter", "is_restored", _always(False)),),
     "record of this place": (Patch("scenefold.client.verifying", "check_claim", _always(None)),),
     "reader's signature check": (Patch("scenefold.client.verifying", "check_signature", _always(None)),),

@@ -108,7 +108,7 @@ class Order:
         """What will go wrong."""
         whole = draw(self.seed, self.climate)
         if self.workload == "logs":
-            whole = spared(whole, self.nodes, self.deciders)
+            whole = spared(whole, self.deciders)
         if self.workload == "renders":
             whole = tuple(fault for fault in whole if fault.kind not in SPARED)
         if self.voters > 1:

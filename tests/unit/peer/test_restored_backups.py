@@ -61,6 +61,25 @@ def test_a_restored_backup_is_noticed(starts: int, deaths: int) -> None:
     simulate(scenario, founders=2)
 
 
+def test_a_process_knows_that_its_life_was_granted_though_it_loses_its_lease() -> None:
+    async def scenario(cluster: LogCluster) -> None:
+        await cluster.start(0, 1)
+        await cluster.members(0, 1)
+        assert cluster.nodes[1].lease.begun.is_set()
+        await cluster.crash(1)
+        cluster.net.cut(cluster.nodes[0].address, cluster_address(cluster, 1))
+        await cluster.start(1)
+        await trio.sleep(2 * T_LEASE_S)
+        assert not cluster.nodes[1].lease.begun.is_set(), "the life on its disk may be an older one"
+        cluster.net.mend(cluster.nodes[0].address, cluster_address(cluster, 1))
+        await cluster.members(1)
+        cluster.net.cut(cluster.nodes[0].address, cluster_address(cluster, 1))
+        await trio.sleep(2 * T_LEASE_S)
+        assert not cluster.nodes[1].lease.holds() and cluster.nodes[1].lease.begun.is_set()
+
+    simulate(scenario, founders=2)
+
+
 def test_a_backup_of_the_present_run_is_noticed_once_it_is_older_than_a_minute() -> None:
     async def scenario(cluster: LogCluster) -> None:
         await cluster.start(0, 1)

@@ -154,6 +154,16 @@ def test_a_log_may_go_on_behind_a_header_that_was_shown_and_not_behind_nothing(i
     assert town.found == ([] if is_shown else [laws.ONE_VALUE])
 
 
+def test_a_disk_that_was_put_back_may_learn_and_must_not_take_part() -> None:
+    town = Town()
+    town.votes(2, 2, BALLOT)
+    town.put_back[2] = MEMBERS[2].incarnation
+    town.decide(SetMode(SceneMode.RENDER), (0, 1, 2))
+    assert town.found == [], "what it had promised is forgotten with the position"
+    town.votes(2, 3, BALLOT)
+    assert town.found == [laws.PROMISES]
+
+
 def test_what_is_acknowledged_before_it_is_decided_is_seen() -> None:
     town = Town()
     attempt = town.watch.history.asks(b"r" * 16, "c0", 0.0)

@@ -43,6 +43,8 @@ class OwnerLease:
         self._quiet = QuietLog(_log)
         self.rolled_back = trio.Event()
         """Set once the voter has said that it granted this incarnation a life that our disk does not know."""
+        self.begun = trio.Event()
+        """Set once this process has had a lease, which it may have lost since: its disk is no older one, as far as the voters know (lives.py)."""
         self.revoked = trio.Event()
         """Set once the voter has said that the key of this node counts no longer."""
 
@@ -130,6 +132,9 @@ class OwnerLease:
         self._grown_to(self._voted.until)
 
     def _grown_to(self, until: float) -> None:
+        if until > -math.inf:
+            # Under a life that this process has drawn.
+            self.begun.set()
         self._until = max(self._until, until)
         self._news.set()
         self._news = trio.Event()

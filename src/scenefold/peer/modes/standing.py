@@ -167,5 +167,6 @@ class Standing:
         switch = self.activation.switch
         if switch is None or self.me not in switch.participants | switch.observers:
             return None
-        is_clear = self.me in switch.observers or not self.lender.is_live(now)
+        # Who must not speak yet may be a disk that has forgotten what it lent.
+        is_clear = self.me in switch.observers or (self.speaker == self.me and not self.lender.is_live(now))
         return switch.position if is_clear and not self.releases.cover(self.me, switch.position) else None

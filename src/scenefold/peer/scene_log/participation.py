@@ -44,9 +44,9 @@ class Keeps(Protocol):
 
 
 class Participation:
-    """`run` it before anybody is answered. Used from the Trio thread only."""
+    """`run` it before anybody is answered. Used from the Trio thread only. `lease_begun`: this process has had an owner lease."""
 
-    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus, ports: NodePorts) -> None:
+    def __init__(self, world: World, store: Store, peers: Peers, own: OwnStatus, ports: NodePorts, lease_begun: trio.Event) -> None:
         self._world, self._store, self._peers, self._own, self._ports = world, store, peers, own, ports
         self.intake = ports.intake
         self.intake.watch = self._on_packet
@@ -57,6 +57,7 @@ class Participation:
         """Of all scenes, by whomever they were decided."""
         self.on_end: Callable[[], object] = lambda: None
         """Told when a header is kept that says that its scene was ended."""
+        self._lease_begun, self._may_speak = lease_begun, False
         self._runs: dict[SceneId, SceneRun] = {}
         self._kept: frozenset[bytes] = frozenset()
         self._nursery: trio.Nursery | None = None
@@ -72,6 +73,7 @@ class Participation:
             for known in scenes.everyone():
                 self.meets(known)
             nursery.start_soon(self.observations.run, scenes.known)
+            nursery.start_soon(self._speak)
             async with trio.open_nursery() as opening:
                 for one in self._runs.values():
                     opening.start_soon(nursery.start, one.run)
@@ -91,12 +93,30 @@ class Participation:
             # Its log says from now on what it may do there.
             self.observations.leave(public)
             is_new = public.genesis not in self._kept
-            one = SceneRun(self._world, self._store, self._peers, self._own, self._ports, known, self._has_decided, is_new=is_new)
+            one = SceneRun(
+                self._world,
+                self._store,
+                self._peers,
+                self._own,
+                self._ports,
+                known,
+                self._has_decided,
+                may_speak=lambda: self._may_speak,
+                is_new=is_new,
+            )
             self._runs[public.scene] = one
             if self._nursery is not None:
                 self._nursery.start_soon(one.run)
         else:
             self.observations.meets(public)
+
+    async def _speak(self) -> None:
+        """A disk that was put back has forgotten votes, so in each process nothing is decided before the cluster's voters know this one for
+        no older one. From then on it knows by itself what it has said, whatever becomes of its lease."""
+        await self._lease_begun.wait()
+        self._may_speak = True
+        for one in self.everyone():
+            one.restate()
 
     async def end(self, scene: SceneId) -> None:
         """Nothing is decided of a scene any more, nor told; returns once nothing more of its log is written."""

@@ -85,7 +85,8 @@ class Proposing:
         deciders = [entry.member.node for entry in known.public.participants if entry.member.node != self._me]
         order = [node for node in self._peers.others() if node in deciders]
         if not order:
-            return rejection(RejectReason.NOT_AUTHORISED, self._me)
+            must_wait = one is not None and one.must_wait
+            return rejection(RejectReason.NOT_READY if must_wait else RejectReason.NOT_AUTHORISED, self._me)
         if node_of(peer) is not None:
             return rejection(RejectReason.NOT_MY_LOCATION, order[0])
         return await self._relayed(packet, order, began + RELAY_S_MAX)

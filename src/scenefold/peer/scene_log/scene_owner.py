@@ -24,14 +24,14 @@ Heard = Callable[[KnownScene, Decide], None]
 
 
 class SceneOwner(Owner):
-    """Of one scene. `known`: with the newest header that is decided here."""
+    """Of one scene. `known`: with the newest header that is decided here. `may_speak`: whether this disk is known to be no older one."""
 
-    def __init__(self, known: KnownScene, heard: Heard, modes: Owner | None = None) -> None:
+    def __init__(self, known: KnownScene, heard: Heard, modes: Owner | None = None, may_speak: Callable[[], bool] = lambda: True) -> None:
         self.known = known
         self.lacks_log = False
         """The newest position was learnt without its sealed log."""
         self.modes = modes or Owner()
-        self._heard = heard
+        self._heard, self._may_speak = heard, may_speak
         self._next, self._next_lacks_log = known, False
 
     def veto(self, value: Value | None) -> RejectReason | None:
@@ -39,6 +39,9 @@ class SceneOwner(Owner):
 
     def insisted(self, value: Value) -> None:
         self.modes.insisted(value)
+
+    def speaks(self) -> bool:
+        return self._may_speak()
 
     def abstains(self, value: Value) -> bool:
         return self.modes.abstains(value)

@@ -66,14 +66,15 @@ class SceneRun:
         known: KnownScene,
         heard: Callable[[SceneRun, KnownScene, Decide | None], None],
         *,
+        may_speak: Callable[[], bool],
         is_new: bool = False,
     ) -> None:
-        """`is_new`: this node takes part in it for the first time. `heard`: what becomes of the scene's newest header, with what decided it, None if that was learnt otherwise."""
+        """`may_speak`: whether this node may decide anything yet; `restate` tells that this has changed. `is_new`: this node takes part in it for the first time. `heard`: what becomes of the scene's newest header, with what decided it, None if that was learnt otherwise."""
         self._world, self._store, self._peers, self._own = world, store, peers, own
         self._ports, self._heard = ports, heard
         self.modes = SceneModes(world, peers, own, known.public, self._is_behind, is_new=is_new)
         """Who may act in which mode: leases, and when a mode is active."""
-        self.owner = SceneOwner(known, self._on_decided, self.modes)
+        self.owner = SceneOwner(known, self._on_decided, self.modes, may_speak)
         self.consent = Consent(world, peers, ports.around)
         """Whom a change of the mode needs beside those who decide."""
         self.opened = trio.Event()
@@ -96,6 +97,17 @@ class SceneRun:
     def takes_part(self) -> bool:
         """Whether this node decides the next position, and may."""
         return self.opened.is_set() and self._own.member in self.log.judge.participants and not self.log.is_silent
+
+    @property
+    def must_wait(self) -> bool:
+        """Whether this node decides the next position, and may not before its life is known to the cluster's voters."""
+        return self.opened.is_set() and self._own.member in self.log.judge.participants and not self.owner.speaks()
+
+    def restate(self) -> None:
+        """This node may decide from now on; a log that is only about to run looks by itself."""
+        log = self._ports.logs.of(self.public.genesis)
+        if log is not None:
+            log.restate()
 
     # --------------------------------------------------------------------------------------------------- its task
 

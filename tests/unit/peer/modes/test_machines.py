@@ -297,6 +297,13 @@ def test_a_start_waits_again_whatever_is_on_the_disk() -> None:
     assert Standing.started(A, SCENE, 50.0, was_switched=False).is_active(50.0), "there was never another mode"
 
 
+def test_who_must_not_speak_yet_releases_nothing_by_what_it_has_decided() -> None:
+    """Its disk may be an older one, of before it lent anything."""
+    silent = settled().stands(None, replace(A, incarnation=b"0" * 15 + b"?")).decided(RENDERED, DIGEST, BALLOT, (), 1.0)
+    assert silent.release(1.0) is None
+    assert silent.stands(None, A).release(1.0) == 5
+
+
 def test_who_has_decided_it_may_release_when_nothing_is_lent() -> None:
     lent, _ = leased().lends(CLIENT, 0.5)
     assert lent.release(0.5) is None
