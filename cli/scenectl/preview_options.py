@@ -27,7 +27,7 @@ class PreviewOptions:
     preview_every: Annotated[float | None, real(gte=1, lte=86_400)] = None
     "With --preview: seconds from one picture to the next, by default 10."
 
-    def checked(self, where: str, view: str = "agx", exposure: float | None = None) -> Previews | None:
+    def checked(self, where: str, view: str = "agx") -> Previews | None:
         """What was asked for. UsageFault if that cannot be; LocalFault if nothing can be written there."""
         from scenefold.base.errors import UsageFault
         from scenefold.render.image_files import check_writable
@@ -41,7 +41,7 @@ class PreviewOptions:
             raise UsageFault("a preview is a PNG file", where=f"--preview {self.preview}", remedy="give it a name that ends in .png")
         check_writable(self.preview)
         every_s = EVERY_S if self.preview_every is None else self.preview_every
-        return Previews(self.preview, every_s, view, exposure, lambda why: note(f"note: there are no previews of this render: {why}"))
+        return Previews(self.preview, every_s, view, missed=lambda why: note(f"note: there are no previews at present: {why}"))
 
 
 NO_PREVIEWS = PreviewOptions()

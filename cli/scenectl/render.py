@@ -155,7 +155,7 @@ def still(
     others = {"--resume": resume, "--report": report_to, "--preview": pictures.preview}
     check_apart("scenectl render still", {"the file": file, "--environment": environment, **images, **others})
     check_files(file, *images.values(), *(() if report_to is None else (report_to,)), kept=resume)
-    previews = pictures.checked("scenectl render still", view, image.exposure)
+    previews = pictures.checked("scenectl render still", view)
     job = StillJob(
         file=file,
         moment=moment,

@@ -201,15 +201,68 @@ async def test_without_memory_for_it_there_is_none(room: Records, gate: Gate, mo
 
 async def test_nobody_else_is_shown_anything(room: Records, gate: Gate) -> None:
     look = FetchPreview(job=JOB, number=1, offset=0)
-    async with memory_pool(offline_world(), room, 3) as pool:
-        chosen = pool.nodes[:2]
+    async with memory_pool(offline_world(), room, 4) as pool:
+        chosen = pool.nodes[:3]
         owner = await pool.start(JOB, OPTIONS, chosen)
         await gate.reached.wait()
         await preview_from(pool, owner, 1)
+        place, outside = chosen.index(owner), pool.nodes[3]
         other = next(node for node in chosen if node != owner)
-        for peer, asked in (("user:mallory", owner), ("user:mallory", other), ("user:test", other), (f"node:{pool.nodes[2]}", owner)):
+        asked = [("user:mallory", owner), ("user:mallory", other), ("user:test", other), (f"node:{outside}", owner)]
+        # Nor may another node have the organiser, or a node farther from it, tell what it is not asked for.
+        asked += [(f"node:{node}", owner) for node in chosen if node != owner]
+        asked += [(f"node:{far}", near) for near, far in ((chosen[1], chosen[2]), (chosen[1], chosen[0])) if near != owner != far]
+        for peer, node in asked:
             with pytest.raises(Refused):
-                await pool.deliver(peer, asked, look)
+                await pool.deliver(peer, node, look)
+        assert (await preview_from(pool, owner, 1))[:, :, 3].sum() == OPTIONS.plan.paths and place >= 0
+        gate.opened.set()
+        await pool.finished(JOB, owner)
+
+
+async def test_memory_is_given_back_at_once_and_for_the_next_attempt(room: Records, gate: Gate) -> None:
+    async with memory_pool(offline_world(), room, 3) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        await gate.reached.wait()
+        hosts = [pool.hosts[node].service.promises for node in pool.nodes]
+        before = [promises.held for promises in hosts]
+        await preview_from(pool, owner, 1)
+        assert [promises.held for promises in hosts] == [held + preview_bytes(*SIZE) for held in before]
+        part = pool.hosts[owner].service._part(JOB)
+        part.previewing.forget()
+        assert pool.hosts[owner].service.promises.held == before[pool.nodes.index(owner)]
+        assert (await refusal(pool, owner, 1)).reason is RejectReason.NOT_READY
+        # What it shows counts from nothing in the next attempt.
+        await preview_from(pool, owner, 2)
+        gate.opened.set()
+        await pool.finished(JOB, owner)
+
+
+async def test_one_is_made_at_a_time_and_not_for_ever(room: Records, gate: Gate, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(previewing, "MAKE_S_MAX", 0.5)
+    asked = trio.Event()
+
+    class Deaf(MemoryPool):
+        async def deliver(self, peer: str, node: NodeId, packet: Packet) -> Packet | None:
+            if isinstance(packet, FetchPreview) and peer.startswith("node:"):
+                asked.set()
+                await trio.sleep_forever()
+            return await super().deliver(peer, node, packet)
+
+    monkeypatch.setattr("scenefold.render.rehearsal.pool.MemoryPool", Deaf)
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        await gate.reached.wait()
+        before = pool.hosts[owner].service.promises.held
+        async with trio.open_nursery() as nursery:
+
+            async def late() -> None:
+                assert "in time" in (await refusal(pool, owner, 1)).what
+
+            nursery.start_soon(late)
+            await asked.wait()
+            assert (await refusal(pool, owner, 1)).reason is RejectReason.BUSY
+        assert pool.hosts[owner].service.promises.held == before
         gate.opened.set()
         await pool.finished(JOB, owner)
 

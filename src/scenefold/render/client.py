@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -156,7 +156,7 @@ async def render_still(
     image has the same bits as if nothing had interrupted it. LocalFault if it is of other options, DamagedData if it is no such file,
     Refused if it is of another scene or renderer. Who has saved the image removes it.
 
-    `previews`: pictures that are written on the way.
+    `previews`: pictures that are written on the way, with the exposure of the image.
 
     The nodes are those that the cluster trusts, or that were granted the scene; only they get its keys. They are
     chosen here, for each image anew: who was granted the scene when somebody asked before may have no right to its keys of now. `tell` hears
@@ -168,9 +168,10 @@ async def render_still(
     progress("prepare", 0, 1)
     said = options.heeded((await scene.render_settings()).settings)
     wanted = options.checked(said)
-    wish = OneImage(cluster, scene, wanted, resume, progress, lost, back, organised_by, previews)
-    (image, report), choice, begun = await begun_until_it_is(wish, scene, wish.render, progress, tell, anew)
     exposure = options.exposure if options.exposure is not None else said.exposure
+    looks = None if previews is None else replace(previews, exposure=exposure)
+    wish = OneImage(cluster, scene, wanted, resume, progress, lost, back, organised_by, looks)
+    (image, report), choice, begun = await begun_until_it_is(wish, scene, wish.render, progress, tell, anew)
     layers = unpacked(image, wanted.layers, wanted.window.width, wanted.window.height)
     report |= {"begun": begun, "left_out": [one.document() for one in choice.renderers.left_out]}
     return StillResult(layers, report, exposure, wanted)

@@ -15,12 +15,13 @@ from scenefold.render.arrays import F32
 from scenefold.render.developing import radiance_of
 from scenefold.render.film import Film
 
-PREVIEW_PIXELS_MAX = 1 << 20
+PREVIEW_PIXELS_MAX = 1 << 19
 """Of a larger image several pixels are one of its preview."""
 CHANNELS = 4
 """Of each pixel: the sums of its paths' radiance, red, green and blue, and how many they are."""
 PIXEL_BYTES = 4 * CHANNELS
-_ROWS_AT_A_TIME = 65_536
+SUM_MAX = 1e30
+"""Far above what paths of any image come to, and so far below what a float holds that no sum of such sums is infinite."""
 Sums = npt.NDArray[np.float32]
 """float32[height, width, CHANNELS], top row first."""
 
@@ -45,30 +46,27 @@ def preview_bytes(width: int, height: int) -> int:
     return rows * columns * PIXEL_BYTES
 
 
-def preview_of(film: Film) -> Sums:
-    """What a film comes to."""
-    block = block_of(film.width, film.height)
-    rows, columns = preview_shape(film.width, film.height)
-    sums = np.zeros((rows * columns, CHANNELS), np.float32)
-    for first in range(0, film.width * film.height, _ROWS_AT_A_TIME):
-        part = film.rows.part(first, first + _ROWS_AT_A_TIME)
-        y, x = np.divmod(film.pixels_of_rows(first, first + len(part.words)), film.width)
-        values = np.concatenate([radiance_of(part), part.samples[:, None]], axis=1).astype(np.float32)
-        np.add.at(sums, y // block * columns + x // block, values)
-    return sums.reshape(rows, columns, CHANNELS)
-
-
 def nothing_of(width: int, height: int) -> Sums:
     """As long as no pass is closed."""
     return np.zeros((*preview_shape(width, height), CHANNELS), np.float32)
 
 
-def unpack_preview(payload: bytes, width: int, height: int) -> Sums:
-    """What `tobytes` of one gave. PeerFault if it is none of an image of this size: its size, what is not finite, counts that cannot be."""
+def add_rows(sums: Sums, film: Film, first: int, last: int) -> None:
+    """Add what rows `first` to `last` - 1 of a film come to."""
+    block, columns = block_of(film.width, film.height), sums.shape[1]
+    part = film.rows.part(first, last)
+    y, x = np.divmod(film.pixels_of_rows(first, first + len(part.words)), film.width)
+    values = np.concatenate([radiance_of(part), part.samples[:, None]], axis=1).astype(np.float32)
+    np.add.at(sums.reshape(-1, CHANNELS), y // block * columns + x // block, values)
+
+
+def unpack_preview(payload: bytes | bytearray, width: int, height: int) -> Sums:
+    """What `tobytes` of one gave, in the same memory. PeerFault if it is none of an image of this size: its size, or values that no paths have."""
     if len(payload) != preview_bytes(width, height):
         raise PeerFault("a preview has another size than its image", where=f"{len(payload)} bytes")
-    sums = np.frombuffer(payload, "<f4").astype(np.float32).reshape(*preview_shape(width, height), CHANNELS)
-    if not np.isfinite(sums).all() or (sums[:, :, CHANNELS - 1] < 0.0).any():
+    sums = np.frombuffer(payload, "<f4").astype(np.float32, copy=False).reshape(*preview_shape(width, height), CHANNELS)
+    # Also what is no number is not below.
+    if not (np.abs(sums) < SUM_MAX).all() or (sums[:, :, CHANNELS - 1] < 0.0).any():
         raise PeerFault("a preview has values that cannot be")
     return sums
 

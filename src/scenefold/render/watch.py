@@ -32,6 +32,7 @@ from scenefold.wire import (
     Packet,
     StartJob,
 )
+from scenefold.world import background_tasks
 
 ASK_S_MAX = 60.0
 POLL_S = 0.25
@@ -117,7 +118,29 @@ class Watch:
         seen: Callable[[Stand], object] = _unseen,
         previewer: Previewer | None = None,
     ) -> Stand:
-        """How it stands at the end; what it keeps on the way is written down, who is lost, or back, is told, and `seen` all on the way. See `stand`."""
+        """How it stands at the end; what it keeps on the way is written down, who is lost, or back, is told, and `seen` all on the way. See `stand`.
+
+        `previewer`: makes pictures meanwhile.
+        """
+        if previewer is None:
+            return await self._until_done(progress, keeper, lost, back, seen)
+
+        def both(stand: Stand) -> None:
+            seen(stand)
+            previewer.sees(stand)
+
+        async with background_tasks() as nursery:
+            nursery.start_soon(previewer.run, self._preview)
+            return await self._until_done(progress, keeper, lost, back, both)
+
+    async def _until_done(
+        self,
+        progress: Progress,
+        keeper: Keeper | None,
+        lost: Callable[[str], object],
+        back: Callable[[str], object],
+        seen: Callable[[Stand], object],
+    ) -> Stand:
         clock, is_prepared, lost_so_far, back_so_far = self._cluster.calls.world.clock, False, 0, 0
         while True:
             stand = await self.stand()
@@ -135,8 +158,6 @@ class Watch:
                 if keeper is not None and stand.kept > keeper.keep.passes:
                     await self._keep(keeper, stand)
                     continue
-                if previewer is not None and stand.closed and clock.now() >= previewer.due_at:
-                    await self._preview(previewer, stand)
             if stand.phase == "done":
                 progress("render", stand.passes, stand.passes)
                 return stand
@@ -154,17 +175,8 @@ class Watch:
             return
         await keeper.write(Keep(stand.kept, stand.content, numeric_class_of(stand, self._address)), film)
 
-    async def _preview(self, previewer: Previewer, stand: Stand) -> None:
-        """Have a new preview made, and write its picture. That there is none now is no fault: nodes are busy, or nothing is new, and the render goes on."""
-        number = stand.preview + 1
-        try:
-            preview = await self._fetched(
-                previewer.size, lambda at: FetchPreview(job=self._job, number=number, offset=at), lambda _done, _all: None
-            )
-        except Refused as refused:
-            previewer.missed(refused)
-            return
-        await previewer.write(preview)
+    async def _preview(self, number: int, size: int) -> bytes:
+        return await self._fetched(size, lambda at: FetchPreview(job=self._job, number=number, offset=at), lambda _done, _all: None)
 
     async def fetch(self, size: int, progress: Callable[[int, int], None]) -> bytes:
         """The image, which has this size. PeerFault if it has another one."""

@@ -210,6 +210,7 @@ class Part:
                 raise Refused(RejectReason.NOT_READY, "that attempt cannot begin here", where=f"attempt {roster.attempt}")
             # From here on packets of older attempts are late.
             self._roster = roster
+            self.previewing.forget()
             member, self._member = self._member, None
             if member is not None:
                 self._begun, self.phase = trio.Event(), Phase.HELD
@@ -356,7 +357,7 @@ class Part:
         self.member()
         if towards is None:
             return await self.previewing.of_all(packet.number, packet.offset, self._roster, closed)
-        return await self.previewing.of_those_behind(packet.number, packet.offset, self._roster, self.place_of(towards))
+        return await self.previewing.of_those_behind(packet.number, packet.offset, self._roster, towards)
 
     async def _prepare(self) -> None:
         host, job = self._host, self.job

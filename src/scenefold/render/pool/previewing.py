@@ -5,10 +5,13 @@ As films are gathered, but nothing is moved by it, and little travels. So one th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
+
 import trio
 
 from scenefold.base.errors import PeerFault, Refused, ScenefoldError
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.render.job import Job
 from scenefold.render.pool.films import Films
@@ -17,19 +20,24 @@ from scenefold.render.pool.promises import Account
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.share import FILM_LANE
 from scenefold.render.pool.telling import told
-from scenefold.render.preview import Sums, nothing_of, preview_bytes, preview_of, unpack_preview
-from scenefold.wire import FetchPreview, ImagePart
+from scenefold.render.preview import Sums, add_rows, nothing_of, preview_bytes, unpack_preview
+from scenefold.wire import FetchPreview, ImagePart, Packet
 from scenefold.world import leaves
 
 PAUSE_S = 1.0
 """Between two previews of a job at least, whoever wants them."""
-ANSWER_S = 20.0
+MAKE_S_MAX = 45.0
+"""For one, with all that comes from others; less than a client waits for an answer."""
+ANSWER_S = 10.0
 """For a node to add up what it has,"""
-HOP_S = 5.0
+HOP_S = 0.25
 """and for each node behind it."""
-PART_BYTES = 4 * 1024 * 1024
-COPIES = 7
-"""Of a preview at a node: its own, what comes from both sides, that as it came, their sum, and what others fetch."""
+PART_BYTES = 512 * 1024
+COPIES = 6
+"""Of a preview at a node that makes one: its own, what comes from both sides, their sum as it goes out, and the one before."""
+ROWS_AT_A_TIME = 65_536
+"""Between two of them whoever closes a pass may have its turn."""
+_NAME = "preview"
 
 
 class Previewing:
@@ -39,11 +47,12 @@ class Previewing:
         """`turn`: of whoever changes a film. `account`: of the memory that the part takes."""
         self._host, self._job, self._films, self._turn, self._account = host, job, films, turn, account
         self._size = (job.window.width, job.window.height)
-        self._making = trio.Lock()
+        self._bytes = preview_bytes(*self._size)
+        self._making: trio.CancelScope | None = None
         self._made: tuple[int, bytes] = (0, b"")
-        self._made_at = -PAUSE_S
+        self._tried_at = -PAUSE_S
         self._passes = 0
-        """That were closed when the newest one was made."""
+        """That were closed when the newest one was made, of this attempt."""
         self.newest = 0
 
     async def of_all(self, number: int, offset: int, roster: Roster, closed: int) -> ImagePart:
@@ -51,62 +60,106 @@ class Previewing:
 
         Refused (16) if there is no such preview: a newer one is there, or it is too early for one, or a node does not answer.
         """
-        async with self._making:
-            if number == self.newest + 1 and not offset:
-                self._check_due(closed)
-                place = roster.nodes.index(self._host.node_id)
-                await self._make(number, roster, (place - 1, place + 1))
-                self.newest, self._passes, self._made_at = number, closed, trio.current_time()
+        if number == self.newest + 1 and not offset:
+            if trio.current_time() - self._tried_at < PAUSE_S:
+                raise _not_yet("a preview was made a moment ago")
+            if closed in (0, self._passes):
+                raise _not_yet("nothing is done that the newest preview does not show")
+            place = roster.nodes.index(self._host.node_id)
+            await self._make(number, roster, (place - 1, place + 1))
+            self.newest, self._passes = number, closed
         return self._part(number, offset)
 
-    async def of_those_behind(self, number: int, offset: int, roster: Roster, towards: int) -> ImagePart:
-        """For the neighbour at a place: a part of what this node and all behind it have. Refused (16) if another one was made meanwhile."""
+    async def of_those_behind(self, number: int, offset: int, roster: Roster, towards: NodeId) -> ImagePart:
+        """For the neighbour on the organiser's side: a part of what this node and all behind it have.
+
+        Refused (12) for anybody else, (16) if another one was made meanwhile.
+        """
+        place, organiser, asker = (roster.place(node) for node in (self._host.node_id, roster.organiser, towards))
+        assert place is not None and organiser is not None
+        step = (organiser > place) - (organiser < place)
+        if not step or asker != place + step:
+            raise Refused(RejectReason.NOT_AUTHORISED, "previews go to the neighbour on the organiser's side", where=address_of(towards))
         if not offset:
-            async with self._making:
-                place = roster.nodes.index(self._host.node_id)
-                await self._make(number, roster, (2 * place - towards,))
+            await self._make(number, roster, (place - step,))
         return self._part(number, offset)
 
-    def _check_due(self, closed: int) -> None:
-        if trio.current_time() - self._made_at < PAUSE_S:
-            raise _not_yet("a preview was made a moment ago")
-        if closed <= self._passes:
-            raise _not_yet("nothing is done that the newest preview does not show")
+    def forget(self) -> None:
+        """An attempt ends: what is being made is of it, and memory is wanted for other things."""
+        if self._making is not None:
+            self._making.cancel()
+        self._made, self._passes = (0, b""), 0
+        self._account.give_back(_NAME)
 
     async def _make(self, number: int, roster: Roster, neighbours: tuple[int, ...]) -> None:
         """What we have, and all behind these places."""
-        sums, problem = list[Sums](), None
+        if self._making is not None:
+            raise Refused(RejectReason.BUSY, "a preview is being made", remedy="ask again in a moment")
+        self._tried_at = trio.current_time()
+        is_made = False
+        with trio.move_on_after(MAKE_S_MAX) as self._making:
+            try:
+                self._promise(COPIES * self._bytes)
+                payload = await self._all_of(number, roster, [place for place in neighbours if 0 <= place < len(roster.nodes)])
+                self._made, is_made = (number, payload), True
+            finally:
+                self._making = None
+                self._promise(len(self._made[1]))
+        if not is_made:
+            raise _not_yet("a preview could not be made in time")
+
+    async def _all_of(self, number: int, roster: Roster, neighbours: Iterable[int]) -> bytes:
+        gathered, problem = self._films.gathered, None
+        own, others = nothing_of(*self._size), list[Sums]()
         try:
-            self._account.take("preview", COPIES * preview_bytes(*self._size), "a preview", "wait for the image")
             async with trio.open_nursery() as nursery:
-                nursery.start_soon(self._own, sums)
+                nursery.start_soon(self._add_own, own)
                 for place in neighbours:
-                    if 0 <= place < len(roster.nodes):
-                        nursery.start_soon(self._fetched, number, roster, place, sums)
+                    nursery.start_soon(self._fetch, number, roster, place, others)
         except* ScenefoldError as group:
             problem = next(leaves(group))
         if isinstance(problem, ScenefoldError):
             raise told(problem)
-        self._made = number, await self._host.world.workers.run(FILM_LANE, _added, sums)
+        if self._films.gathered != gathered:
+            # What was another's before is ours now, or has gone; of some it may be missing.
+            raise _not_yet("films were gathered meanwhile")
+        return await self._host.world.workers.run(FILM_LANE, _packed, own, others)
 
-    async def _own(self, sums: list[Sums]) -> None:
-        async with self._turn:
-            own = self._films.own
-            # Nobody's film is made for that: whoever has closed nothing may have none.
-            work = preview_of if own.passes else None
-            sums.append(nothing_of(*self._size) if work is None else await self._host.world.workers.run(FILM_LANE, work, own.film))
+    async def _add_own(self, sums: Sums) -> None:
+        """In turns with who adds passes to films, or gathers them."""
+        film = None
+        for first in range(0, self._job.window.pixels, ROWS_AT_A_TIME):
+            async with self._turn:
+                own = self._films.own
+                # Nobody's film is made for that: whoever has closed nothing may have none.
+                now = own.film if own.passes else None
+                if film is not None and now is not film:
+                    raise _not_yet("films were gathered meanwhile")
+                film = now
+                if film is not None:
+                    await self._host.world.workers.run(FILM_LANE, partial(add_rows, sums, film, first, first + ROWS_AT_A_TIME))
 
-    async def _fetched(self, number: int, roster: Roster, place: int, sums: list[Sums]) -> None:
-        me, size = roster.nodes.index(self._host.node_id), preview_bytes(*self._size)
+    async def _fetch(self, number: int, roster: Roster, place: int, others: list[Sums]) -> None:
+        me, payload = roster.nodes.index(self._host.node_id), bytearray()
         behind = place + 1 if place < me else len(roster.nodes) - place
-        payload = bytearray()
-        while len(payload) < size:
+        while len(payload) < self._bytes:
             packet = FetchPreview(job=self._job.id, number=number, offset=len(payload))
             part = await self._host.ask(roster.nodes[place], packet, ANSWER_S + HOP_S * behind)
-            if not isinstance(part, ImagePart) or part.offset != len(payload) or not part.payload or part.total_bytes != size:
-                raise PeerFault("a part of a preview does not fit", where=address_of(roster.nodes[place]))
-            payload += part.payload
-        sums.append(await self._host.world.workers.run(FILM_LANE, unpack_preview, bytes(payload), *self._size))
+            payload += self._fitting(part, len(payload), roster.nodes[place])
+        others.append(await self._host.world.workers.run(FILM_LANE, unpack_preview, payload, *self._size))
+
+    def _fitting(self, part: Packet, offset: int, node: NodeId) -> bytes:
+        payload = part.payload if isinstance(part, ImagePart) and (part.offset, part.total_bytes) == (offset, self._bytes) else b""
+        if not 0 < len(payload) <= self._bytes - offset:
+            raise PeerFault("a part of a preview does not fit", where=address_of(node))
+        return payload
+
+    def _promise(self, needs: int) -> None:
+        """So many bytes in all."""
+        try:
+            self._account.take(_NAME, needs, "a preview", "wait for the image")
+        except ScenefoldError as error:
+            raise told(error) from None
 
     def _part(self, number: int, offset: int) -> ImagePart:
         if self._made[0] != number:
@@ -116,11 +169,10 @@ class Previewing:
         return ImagePart(job=self._job.id, total_bytes=len(preview), offset=min(offset, len(preview)), payload=payload)
 
 
-def _added(sums: list[Sums]) -> bytes:
-    whole = sums[0].copy()
-    for one in sums[1:]:
-        whole += one
-    return whole.astype("<f4").tobytes()
+def _packed(own: Sums, others: Iterable[Sums]) -> bytes:
+    for one in others:
+        own += one
+    return own.astype("<f4", copy=False).tobytes()
 
 
 def _not_yet(what: str) -> Refused:
