@@ -7,6 +7,7 @@ whoever writes to it. The shapes of the JSON objects are listed in docs/referenc
 
 from __future__ import annotations
 
+import datetime
 import logging
 import os
 import sys
@@ -152,6 +153,14 @@ def size_text(count: float) -> str:
 def and_text(words: Sequence[str]) -> str:
     """`a`, `a and b`, `a, b and c`."""
     return " and ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
+
+
+def date_text(seconds: float) -> str:
+    """A moment, in seconds since 1970, for people; "?" for one that no calendar has."""
+    try:
+        return datetime.datetime.fromtimestamp(seconds, datetime.UTC).strftime("%Y-%m-%d %H:%M:%SZ")
+    except (OverflowError, ValueError, OSError):
+        return "?"
 
 
 def time_text(seconds: float) -> str:

@@ -25,6 +25,7 @@ GROUPS = {
     "data": "Read and write single records of a scene.",
     "key": "Look at your keys, lock them, back them up, and take them along.",
     "render": "Render images.",
+    "image": "Keep finished images in their scene, and fetch them.",
     "bench": "Measure, as the project's own documentation does.",
     "demo": "The whole way in one go: five nodes, the sample scene, an image.",
 }

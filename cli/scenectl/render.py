@@ -62,6 +62,7 @@ def still(
     scene: SceneOption | None = None,
     image: ImageOptions = USUAL_IMAGE,
     pictures: PreviewOptions = NO_PREVIEWS,
+    save: str | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Render one image of a scene file, or of a scene in the cluster, and wait for it.
@@ -118,9 +119,12 @@ def still(
         Threads that each node renders with, when no profile is given; with --memory or a visual or temporal partition, that this process renders with.
     ports
         Ports of the cluster that is started, LOW,HIGH; by default 17349,17350.
+    save
+        Name under which the image is kept in the scene, too, for `scenectl image`; with a profile.
     scene
         Name of the scene; by default that of the file without its ending.
     """
+    from scenectl.image import check_saved
     from scenectl.progress import Progress
     from scenectl.render_report import keep_report
     from scenectl.running import run
@@ -138,10 +142,11 @@ def still(
         "--threads": (threads, "SCENEFOLD_THREADS"),
         "--ports": (ports, "SCENEFOLD_PORTS"),
     }
-    of_pool = {name: of_a_cluster[name] for name in ("--nodes", "--ports")} | {"--memory": (memory, ""), "--resume": (resume, "")}
-    of_pool["--preview"] = (pictures.preview, "")
+    of_pool: dict[str, tuple[object, str]] = {name: of_a_cluster[name] for name in ("--nodes", "--ports")}
+    of_pool |= {"--memory": (memory, ""), "--resume": (resume, ""), "--preview": (pictures.preview, ""), "--save": (save, "")}
     check_partition(partition, engine=engine, frames=frames, of_pool=of_pool, frame=frame, time=time)
     check_engine(engine, threads=threads, trust_network=trust_network)
+    check_saved("scenectl render still", save, output.profile)
     if file is None:
         check_of_a_file("scenectl render still", frame=frame, frames=frames, fps=fps, time=time, animation=animation)
     check_frames_alone(frames, output.profile)
@@ -169,6 +174,7 @@ def still(
         files=files,
         resume=resume,
         previews=previews,
+        save=save,
     )
     if partition != "spatial":
         from scenectl.still_in_tasks import InTasks, frames_text, make_in_tasks

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 from scenectl.entry_text import entry_document, entry_text
 from scenectl.names import SceneName
-from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
+from scenectl.output import DEFAULT_PROFILE, ProfileOutput, date_text, emit, table
 from scenectl.values import whole
 from scenefold.base.ids import address_of
 
@@ -78,7 +77,7 @@ def _row(entry: ToldEntry, found: LogStory) -> tuple[str, ...]:
     if vouched is None:
         return str(entry.position), entry_text(entry.record.entry), key, "?", "?", "?"
     accepted = f"{len(vouched.voters)} of {len(entry.participants)}: {_addresses(vouched.voters)}"
-    seen = "?" if vouched.seen_s is None else _time(vouched.seen_s)
+    seen = "?" if vouched.seen_s is None else date_text(vouched.seen_s)
     return str(entry.position), entry_text(entry.record.entry), key, address_of(vouched.proposer), accepted, seen
 
 
@@ -95,16 +94,9 @@ def _document(entry: ToldEntry, found: LogStory) -> dict[str, Any]:
         "proposed_by": None if vouched is None else address_of(vouched.proposer),
         "ballot": None if vouched is None else vouched.ballot,
         "accepted_by": None if vouched is None else [address_of(node) for node in vouched.voters],
-        "seen": None if vouched is None or vouched.seen_s is None else _time(vouched.seen_s),
+        "seen": None if vouched is None or vouched.seen_s is None else date_text(vouched.seen_s),
     }
 
 
 def _addresses(nodes: Sequence[Any]) -> str:
     return ", ".join(map(address_of, nodes))
-
-
-def _time(seconds: float) -> str:
-    try:
-        return datetime.datetime.fromtimestamp(seconds, datetime.UTC).strftime("%Y-%m-%d %H:%M:%SZ")
-    except (OverflowError, ValueError, OSError):
-        return "?"

@@ -79,6 +79,8 @@ class StillJob:
     """The file of the kept render."""
     previews: Previews | None = None
     """Pictures on the way."""
+    save: str | None = None
+    """The image's name in its scene, which keeps it, too."""
     kill: bool = False
     """Whether a node dies on the way, of those that are started for this; with one node none does."""
 
@@ -133,6 +135,7 @@ def check_apart(where: str, named: Mapping[str, Path | None]) -> None:
 
 async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any]:
     """Do the whole job and return its report (docs/reference/scenectl.md, *Report of an image*)."""
+    from scenectl.image import keep_written
     from scenefold.client import prepare_import
     from scenefold.render.one_image import nobody
     from scenefold.world import offline_world
@@ -182,6 +185,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
             )
             if job.resume is not None:
                 job.resume.unlink(missing_ok=True)
+            written |= await keep_written(cluster, scene, job.save, job.files.exr, progress)
         nodes = [node.address for node in await cluster.nodes()]
     return {
         "scene": job.scene_name,
@@ -199,7 +203,8 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
 
 def report_text(report: dict[str, Any]) -> str:
     """The report as a short table for people."""
-    lines = [f"{report['exr']} and {report['png']} are written."]
+    kept = f" The image is kept in {report['scene']} as {report['saved']}." if report.get("saved") else ""
+    lines = [f"{report['exr']} and {report['png']} are written.{kept}"]
     for key, label in (
         *((("nodes", "nodes"),) if report["nodes"] else ()),
         ("passes", "passes"),

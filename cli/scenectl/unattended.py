@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from scenectl.progress import Progress
-    from scenefold.client import Cluster
+    from scenefold.client import Cluster, Scene
     from scenefold.render.choice import Renderers
     from scenefold.render.client import Started
     from scenefold.render.preview_files import Previews
@@ -150,6 +150,7 @@ def fetch(
     wait: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     keep: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     report_to: Annotated[Path | None, Parameter(name="--report")] = None,
+    save: str | None = None,
     output: ProfileOutput = DEFAULT_PROFILE,
 ) -> None:
     """Fetch a render's image, and let its node forget it once it is written.
@@ -170,12 +171,16 @@ def fetch(
         Leave the image where it is, too, for as long as it would have been there.
     report_to
         File that gets the report as JSON, for `scenectl render report`.
+    save
+        Name under which the image is kept in its scene, too, for `scenectl image`.
     """
+    from scenectl.image import check_saved, keep_written
     from scenectl.progress import Progress
     from scenectl.render_report import keep_report
     from scenectl.running import connected, run
     from scenectl.still import ImageFiles, check_apart, check_files, render_progress, report_text, write_image
 
+    check_saved("scenectl render fetch", save, output.profile or "usual")
     files = ImageFiles.beside(to, view)
     check_apart("scenectl render fetch", {**images_of(files.exr, files.png, None), "--report": report_to})
     check_files(None, files.exr, files.png, *(() if report_to is None else (report_to,)))
@@ -185,12 +190,15 @@ def fetch(
 
         async with connected(output.profile) as cluster:
             known = await find_render(cluster, render)
+            kept_in = None if save is None else await _scene_of(cluster, known)
             if wait:
                 await _wait(cluster, known, progress)
             result = await fetch_render(cluster, known, render_progress(progress))
             scene = known.scene or ""
             nodes = len(await cluster.nodes())
             written = await cluster.in_worker("import", write_image, scene, files, result.options, result.layers, result.exposure)
+            if kept_in is not None:
+                written |= await keep_written(cluster, kept_in, save, files.exr, progress)
             if not keep:
                 await _let_go(cluster, known)
         return {
@@ -243,6 +251,16 @@ async def _wait(
     if previews is not None and known.unattended is not None:
         previews = replace(previews, exposure=known.unattended.exposure)
     await watch_render(cluster, known, render_progress(progress), lost=lost, back=back, seen=seen, previews=previews)
+
+
+async def _scene_of(cluster: Cluster, known: KnownRender) -> Scene:
+    """The one that it is of. LocalFault if it is not known by name."""
+    if known.scene is None:
+        from scenefold.base.errors import LocalFault
+
+        what = "a client waits for that render, and it alone knows which scene it is of"
+        raise LocalFault(what, where=known.name, remedy="save the file: scenectl image save")
+    return await cluster.scenes.open(known.scene)
 
 
 async def _let_go(cluster: Cluster, known: KnownRender) -> None:

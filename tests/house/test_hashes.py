@@ -15,6 +15,7 @@ from house.sources import imports_of, lies_in, module_of, python_files
 CRYPTO = "scenefold.crypto"
 DIGESTS = {
     "scenefold.base.kernel_cache": "names a folder by the sources that were compiled",
+    "scenefold.client.blobs": "ids that follow from names, and whether all parts are those that were written",
     "scenefold.client.own_keys": "shows people the fingerprint of a public key",
     "scenefold.client.part_places": "scatters places that everybody may see",
     "scenefold.client.scene_memory": "keeps which header was met",

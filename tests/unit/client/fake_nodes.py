@@ -284,7 +284,7 @@ class FakeNodes:
     def _choose(self, address: str, header: RecordHeader) -> Location:
         """A place in this node's arc, the same for the same object."""
         arc = next(arc for owner, arc in self.table.arcs() if owner.address == address)
-        return Location.from_number(arc.first.number + 1 + header.location.number % 1000)
+        return Location.from_number(arc.first.number + 1 + header.location.number % (1 << 64))
 
     def _query(self, address: str, packet: QueryRange) -> Packet:
         if self.table.owner_of(packet.first).address != address:
