@@ -13,11 +13,13 @@ from scenectl.output import DEFAULT_PROFILE, ProfileOutput, date_text, emit, not
 
 if TYPE_CHECKING:
     from scenectl.progress import Progress
+    from scenefold.base.errors import ScenefoldError
     from scenefold.client import Cluster, Scene
     from scenefold.client.progress import ProgressCallback
-    from scenefold.render.scene_images import SceneImage
+    from scenefold.render.scene_images import Images, SceneImage
 
 app = App(name="image", help="Keep finished images in their scene, and fetch them.", help_format="plaintext")
+UNSAVED = "why it is not saved"
 TITLES = ("image", "size", "file", "saved")
 ImageName = Annotated[str, Parameter(allow_leading_hyphen=True)]
 
@@ -35,16 +37,20 @@ def list_all(*, scene: SceneOption, output: ProfileOutput = DEFAULT_PROFILE) -> 
     """
     from scenectl.running import connected, run
 
-    async def look() -> list[SceneImage]:
+    async def look() -> Images:
         from scenefold.render.scene_images import list_images
 
         async with connected(output.profile) as cluster:
             return await list_images(await cluster.scenes.open(scene))
 
     images = run(look)
-    rows = [(one.name, f"{one.width}x{one.height}", size_text(one.size), date_text(one.saved_at)) for one in images]
+    for names, what in ((images.unfinished, "not whole: somebody saves or deletes them, or was interrupted"), (images.damaged, "damaged")):
+        if names:
+            note(f"note: these are {what}: {', '.join(names)}")
+    rows = [(one.name, f"{one.width}x{one.height}", size_text(one.size), date_text(one.saved_at)) for one in images.whole]
     text = table(TITLES, rows) if rows else f"There are no images in {scene}."
-    emit(output, {"scene": scene, "images": [one.document() for one in images]}, text)
+    document = {"images": [one.document() for one in images.whole], "unfinished": list(images.unfinished), "damaged": list(images.damaged)}
+    emit(output, {"scene": scene, **document}, text)
 
 
 @app.command
@@ -163,11 +169,17 @@ async def keep_written(cluster: Cluster, scene: Scene, name: str | None, exr: Pa
     from scenefold.render.scene_images import save_image
 
     try:
-        image = await save_image(cluster, scene, name, exr, bytes_of(progress, "save"))
-    except ScenefoldError:
-        note(f"note: {exr} is written, and could not be kept in the scene")
-        raise
-    return {"saved": image.name}
+        return {"saved": (await save_image(cluster, scene, name, exr, bytes_of(progress, "save"))).name}
+    except ScenefoldError as error:
+        # The report of what was made is worth more than this, and is told first.
+        note(f"note: {exr} is written, and could not be kept in the scene: scenectl image save {name} {exr} --scene {scene.name}")
+        return {"saved": None, UNSAVED: error}
+
+
+def unsaved(report: dict[str, Any]) -> ScenefoldError | None:
+    """Why an image could not be kept; taken out of the report."""
+    error: ScenefoldError | None = report.pop(UNSAVED, None)
+    return error
 
 
 def saved_text(scene: str, image: SceneImage) -> str:

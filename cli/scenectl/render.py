@@ -124,7 +124,7 @@ def still(
     scene
         Name of the scene; by default that of the file without its ending.
     """
-    from scenectl.image import check_saved
+    from scenectl.image import check_saved, unsaved
     from scenectl.progress import Progress
     from scenectl.render_report import keep_report
     from scenectl.running import run
@@ -197,8 +197,11 @@ def still(
     again = nullcontext() if output.profile is None else going_on("render again")
     with again, Progress(quiet=output.json) as progress:
         made = run(make_still, job, progress)
+    problem = unsaved(made)
     emit(output, made, report_text(made))
     keep_report(report_to, made)
+    if problem is not None:
+        raise problem
 
 
 def check_alone(file: Path | None, profile: str | None, given: Mapping[str, object]) -> None:

@@ -151,6 +151,8 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
     async with _cluster(job, phases) as (cluster, embedded), _struck(job, embedded) as strike:
         if prepared is None:
             scene = await cluster.scenes.open(job.scene_name)
+            if job.save is not None:
+                scene.access.check_writer()
         else:
             with phases.time("import"):
                 if job.profile is None:

@@ -174,7 +174,7 @@ def fetch(
     save
         Name under which the image is kept in its scene, too, for `scenectl image`.
     """
-    from scenectl.image import check_saved, keep_written
+    from scenectl.image import check_saved, keep_written, unsaved
     from scenectl.progress import Progress
     from scenectl.render_report import keep_report
     from scenectl.running import connected, run
@@ -199,7 +199,7 @@ def fetch(
             written = await cluster.in_worker("import", write_image, scene, files, result.options, result.layers, result.exposure)
             if kept_in is not None:
                 written |= await keep_written(cluster, kept_in, save, files.exr, progress)
-            if not keep:
+            if not keep and written.get("saved", "") is not None:
                 await _let_go(cluster, known)
         return {
             "render": known.name,
@@ -212,8 +212,11 @@ def fetch(
 
     with Progress(quiet=output.json) as progress:
         report = run(get, progress)
+    problem = unsaved(report)
     emit(output, report, report_text(report))
     keep_report(report_to, report)
+    if problem is not None:
+        raise problem
 
 
 def cancel(render: str, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:

@@ -54,17 +54,36 @@ def images_of(scene: Scene) -> Blobs:
 
 
 async def save_image(cluster: Cluster, scene: Scene, name: str, path: Path, progress: Progress) -> SceneImage:
-    """Keep an EXR file under a name, in place of what is there. LocalFault if it is none; Refused if the user may not write, or another one writes that name."""
+    """Keep an EXR file under a name, in place of what is there. LocalFault if it is none, or the user may not write; Refused if another one writes that name."""
+    scene.access.check_writer()
     payload, about = await cluster.in_worker("import", _read, path)
     about["saved_at"] = int(cluster.calls.world.clock.wall())
     return _image_of(await images_of(scene).write(name, payload, about, progress))
 
 
-async def list_images(scene: Scene) -> list[SceneImage]:
-    """Those that are all there, by their names. DamagedData if what lies there makes no sense."""
-    blobs = images_of(scene)
-    found = [await blobs.look(name) for name in await blobs.names()]
-    return [_image_of(blob) for blob in found if blob is not None]
+@dataclass(frozen=True, slots=True)
+class Images:
+    """Of one scene, by their names. `unfinished`: names of those that were begun to be saved, or to be deleted; `damaged`: of those that make no sense."""
+
+    whole: tuple[SceneImage, ...]
+    unfinished: tuple[str, ...]
+    damaged: tuple[str, ...]
+
+
+async def list_images(scene: Scene) -> Images:
+    """All that there are. DamagedData if the list of them makes no sense."""
+    blobs, found = images_of(scene), list[SceneImage]()
+    unfinished, damaged = list[str](), list[str]()
+    for name in await blobs.names():
+        try:
+            blob = await blobs.look(name)
+            if blob is None:
+                unfinished.append(name)
+            else:
+                found.append(_image_of(blob))
+        except DamagedData:
+            damaged.append(name)
+    return Images(tuple(found), tuple(unfinished), tuple(damaged))
 
 
 async def fetch_image(cluster: Cluster, scene: Scene, name: str, path: Path, progress: Progress) -> SceneImage:
