@@ -124,14 +124,17 @@ class Borrowing:
         elif identity.mode is not SceneMode.RENDER:
             raise was_edited(f"scene {name}")
 
+    @property
+    def holds(self) -> bool:
+        """Whether anything may be done by it now."""
+        held = self.loan.held
+        return held is not None and self.loan.may_sign(held.position, self._now())
+
     async def lost(self) -> None:
-        """Return once nothing may be done by it any more."""
-        while True:
-            held, now = self.loan.held, self._now()
-            if held is None or not self.loan.may_sign(held.position, now):
-                return
+        """Return once nothing may be done by it any more. Of a machine that slept it is noticed some time after it woke; `holds` says it at once."""
+        while (held := self.loan.held) is not None and self.holds:
             changed = self._changed
-            with trio.move_on_after(min(held.until - now, LEASE_LOOK_S)):
+            with trio.move_on_after(min(held.until - self._now(), LEASE_LOOK_S)):
                 await changed.wait()
 
     # ------------------------------------------------------------------------------------------------------- asking

@@ -83,9 +83,11 @@ class Leases:
 
                     nursery.start_soon(watch)
                     yield
+            # Whoever slept may not have noticed yet: what was read since it ended counts for nothing.
+            has_ended = body.cancelled_caught or not borrowing.holds
         finally:
             borrowing.ends()
-        if body.cancelled_caught:
+        if has_ended:
             what = "the lease under which the scene was being rendered ran out: no node that decides it answered in time"
             raise NoLease(RejectReason.MODE_FORBIDS, what, where=f"scene {access.name}", remedy="render again", was_held=True)
 

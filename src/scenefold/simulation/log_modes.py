@@ -117,7 +117,11 @@ class ModesWatch:
             held = None if lease is None else lease.loan.held
             return floor if held is None else held.position
 
-        with self._renders_as(name, name, _Rendering(floor, leased, is_leased=lease is not None)):
+        def lives() -> bool:
+            # What is read behind its end, before that is noticed, counts for nothing: no image comes of it.
+            return lease is None or lease.holds
+
+        with self._renders_as(name, name, _Rendering(floor, leased, lives, is_leased=lease is not None)):
             yield
 
     @contextmanager

@@ -300,3 +300,20 @@ async def test_after_a_sleep_of_the_machine_a_render_ends_within_a_second(
     with pytest.raises(Refused, match="ran out"):
         await render()
     assert ended[0] - began <= 0.3 + LEASE_LOOK_S, "its clock went on while it slept, and Trio's did not"
+
+
+async def test_an_image_that_is_done_before_the_end_of_its_lease_is_noticed_counts_for_nothing(
+    autojump_clock: MockClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    await scene.access.change_log(lambda _: SetMode(SceneMode.RENDER))
+
+    async def render() -> None:
+        async with scene.access.calls.leases.rendering(scene.access):
+            await trio.sleep(0.3)
+            monkeypatch.setattr(scene.access.calls.world.clock, "now", lambda: trio.current_time() + SLEPT_S)
+            await trio.sleep(LEASE_LOOK_S / 4)
+
+    with pytest.raises(NoLease, match="ran out"):
+        await render()

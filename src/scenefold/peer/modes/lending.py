@@ -45,6 +45,9 @@ class Lending:
         if not known.public.participants:
             what = "nobody decides the scene but its origin, and no leases are held of it"
             raise Refused(RejectReason.NOT_AUTHORISED, what)
+        if not is_look and packet.lender == self._me and self._me in [entry.member.node for entry in known.public.participants]:
+            # Started anew, it does not act yet; or it is another incarnation than the one that takes part.
+            raise unknown_mode()
         if not is_look:
             # Nobody signs the answer: who heard it from a relay would have to believe that.
             raise Refused(RejectReason.NOT_AUTHORISED, "leases are lent by the participant that is asked for one, and by no other")
