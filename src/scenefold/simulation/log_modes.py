@@ -135,7 +135,8 @@ class ModesWatch:
 
         def lives() -> bool:
             node = self._cluster.running.get(slot)
-            return node is not None and node.context is context
+            # As a client's: behind the end of its lease nothing that it reads counts.
+            return node is not None and node.context is context and modes.acts_in is SceneMode.RENDER
 
         with self._renders_as(reader, f"n{slot}", _Rendering(floor, leased, lives)):
             yield lives

@@ -62,9 +62,11 @@ class OwnUse:
 
                     nursery.start_soon(watch)
                     yield
+            # Whoever slept may not have noticed yet: what was done since counts for nothing.
+            has_ended = body.cancelled_caught or self.modes.acts_in is not mode
         finally:
             self._uses -= 1
-        if body.cancelled_caught:
+        if has_ended:
             raise self._refused("lost its lease, or the scene's mode was changed by force")
 
     async def _lost(self, mode: SceneMode) -> None:

@@ -88,3 +88,18 @@ async def test_as_long_as_it_is_renewed_it_goes_on(autojump_clock: MockClock, mo
         nursery.start_soon(renew)
         lost_s = await lost_after(world, modes, slept_after_s=5 * T_LEASE_S, monkeypatch=monkeypatch)
     assert 5 * T_LEASE_S <= lost_s <= 5 * T_LEASE_S + LEASE_LOOK_S
+
+
+async def test_what_is_done_before_its_end_is_noticed_counts_for_nothing(
+    autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = make_world()
+    use = OwnUse(Modes(world), world)  # type: ignore[arg-type]
+
+    async def read() -> None:
+        async with use.hold(SceneMode.RENDER):
+            monkeypatch.setattr(world.clock, "now", lambda: trio.current_time() + SLEPT_S)
+            await trio.sleep(LEASE_LOOK_S / 4)
+
+    with pytest.raises(Refused, match="lost its lease"):
+        await read()
