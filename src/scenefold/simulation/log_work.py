@@ -149,10 +149,11 @@ class LogClient:
     async def want(self, make: Make) -> Told:
         """Ask for one entry until it is known what became of it, or nobody would ask any more."""
         request, told, offered_at = self.dice.randbytes(16), Told.UNKNOWN, 0
+        made = steady(make)
 
         def noting(log: SceneLog) -> LogEntry:
             nonlocal offered_at
-            entry = make(log)
+            entry = made(log)
             offered_at = max(offered_at, log.position + 1)
             return entry
 
@@ -209,6 +210,20 @@ class LogClient:
     def _ended(self, attempt: Attempt, told: Told, position: int) -> None:
         self.watch.history.ends(attempt, told, position)
         self.watch.told(attempt)
+
+
+def steady(make: Make) -> Make:
+    """The same entry of one log however often it is asked for, as whoever keeps a request owes it: what `make` goes by beside the log may change
+    in the meantime, and its entry would be taken for another change than the one that is in the log.
+    """
+    made: dict[int, LogEntry] = {}
+
+    def entry_of(log: SceneLog) -> LogEntry:
+        if log.position not in made:
+            made[log.position] = make(log)
+        return made[log.position]
+
+    return entry_of
 
 
 def switched(log: SceneLog) -> SetMode:
