@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -68,18 +68,9 @@ def save(name: ImageName, file: Path, /, *, scene: SceneOption, output: ProfileO
     scene
         Name of the scene.
     """
-    from scenectl.progress import Progress
-    from scenectl.running import connected, run
+    from scenefold.render.scene_images import save_image
 
-    async def work(progress: Progress) -> SceneImage:
-        from scenefold.render.scene_images import save_image
-
-        async with connected(output.profile) as cluster:
-            opened = await cluster.scenes.open(scene)
-            return await save_image(cluster, opened, name, file, bytes_of(progress, "save"))
-
-    with Progress(quiet=output.json) as progress:
-        image = run(work, progress)
+    image = _moved(save_image, name, file, scene, "save", output)
     emit(output, {"scene": scene, **image.document()}, saved_text(scene, image))
 
 
@@ -105,21 +96,11 @@ def get(
     to
         OpenEXR file to write.
     """
-    from scenectl.progress import Progress
-    from scenectl.running import connected, run
     from scenefold.render.image_files import check_writable
+    from scenefold.render.scene_images import fetch_image
 
     check_writable(to)
-
-    async def work(progress: Progress) -> SceneImage:
-        from scenefold.render.scene_images import fetch_image
-
-        async with connected(output.profile) as cluster:
-            opened = await cluster.scenes.open(scene)
-            return await fetch_image(cluster, opened, name, to, bytes_of(progress, "fetch"))
-
-    with Progress(quiet=output.json) as progress:
-        image = run(work, progress)
+    image = _moved(fetch_image, name, to, scene, "fetch", output)
     emit(output, {"scene": scene, **image.document(), "exr": str(to)}, f"{to} is written: {image.width}x{image.height}.")
 
 
@@ -146,6 +127,26 @@ def rm(name: ImageName, /, *, scene: SceneOption, output: ProfileOutput = DEFAUL
 
     run(work)
     emit(output, {"scene": scene, "image": name, "removed": True}, f"The image {name} is deleted from {scene}.")
+
+
+def _moved(
+    move: Callable[[Cluster, Scene, str, Path, Callable[[int, int], Any]], Awaitable[SceneImage]],
+    name: str,
+    path: Path,
+    scene: str,
+    phase: str,
+    output: ProfileOutput,
+) -> SceneImage:
+    """Save or fetch one, and show how far that is."""
+    from scenectl.progress import Progress
+    from scenectl.running import connected, run
+
+    async def work(progress: Progress) -> SceneImage:
+        async with connected(output.profile) as cluster:
+            return await move(cluster, await cluster.scenes.open(scene), name, path, bytes_of(progress, phase))
+
+    with Progress(quiet=output.json) as progress:
+        return run(work, progress)
 
 
 def check_saved(where: str, save: str | None, profile: str | None) -> None:
