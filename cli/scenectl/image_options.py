@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from scenectl.image_values import USUAL_LAYERS, CropOption, LayersOption, check_camera
-from scenectl.values import ColourOption, SizeOption, real, whole
+from scenectl.values import ColourOption, PoolsOption, SizeOption, real, whole
 from scenefold.base.image_limits import CLAMP_MAX, DEPTH_MAX, EXPOSURE_MAX, MIN_SAMPLES_LEAST, ROTATION_MAX, SAMPLES_MAX
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ class ImageOptions:
     "How cells move: vivaldi, no-certainty, swarming, no-backtracking, voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi never do; whole: no cells, each node holds the whole scene."
     fixed_cells: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Leave the cells where they are at first."
+    pools: PoolsOption | None = None
+    "In how many pools the nodes render, by default 1; each pool holds the whole scene and passes rays on among its own nodes only, so more of them take more memory and less time. auto: as many as the nodes have memory for."
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None
     "Paths for each pixel, by default 64, or as many as the scene says."
     adaptive: Annotated[float | None, real(gt=0, lte=1)] = None
@@ -73,6 +75,9 @@ class ImageOptions:
 
         if self.min_samples is not None and self.adaptive is None:
             raise UsageFault("--min-samples counts with --adaptive only", where=where, remedy="give both, or none")
+        if self.pools is not None and self.algorithm == "whole":
+            what = "with --algorithm whole each node is a pool of its own"
+            raise UsageFault(what, where=where, remedy="leave out --pools, or name another algorithm")
         if self.camera is not None:
             check_camera(self.camera)
         from scenefold.render.client import StillOptions
@@ -86,6 +91,7 @@ class ImageOptions:
             depth=self.depth,
             algorithm=self.algorithm,
             fixed_cells=self.fixed_cells,
+            pools=1 if self.pools is None else self.pools.count,
             sky=None if self.sky is None else self.sky.rgb,
             camera=self.camera,
             exposure=self.exposure,

@@ -144,6 +144,7 @@ def still(
     }
     of_pool: dict[str, tuple[object, str]] = {name: of_a_cluster[name] for name in ("--nodes", "--ports")}
     of_pool |= {"--memory": (memory, ""), "--resume": (resume, ""), "--preview": (pictures.preview, ""), "--save": (save, "")}
+    of_pool |= {"--pools": (image.pools, "")}
     check_partition(partition, engine=engine, frames=frames, of_pool=of_pool, frame=frame, time=time)
     check_engine(engine, threads=threads, trust_network=trust_network)
     check_saved("scenectl render still", save, output.profile)
@@ -186,7 +187,8 @@ def still(
         keep_report(report_to, made)
         return
     if memory is not None:
-        check_alone(file, output.profile, {"--nodes": nodes, "--ports": ports, "--resume": resume, "--preview": pictures.preview})
+        of_nodes = {"--nodes": nodes, "--ports": ports, "--pools": image.pools}
+        check_alone(file, output.profile, {**of_nodes, "--resume": resume, "--preview": pictures.preview})
         from scenectl.still_within import make_within
 
         with Progress(quiet=output.json) as progress:

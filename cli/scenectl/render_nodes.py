@@ -62,8 +62,8 @@ def rows_of(before: Moment, now: Moment) -> list[tuple[str, ...]]:
     seconds = max(now.at - before.at, 1e-9)
     former = {node.address: node for node in before.nodes}
     held = [node.triangles for node in now.nodes]
-    # Where there are no cells each has all of it.
-    triangles = max(max(held, default=0) if now.stand.is_whole else sum(held), 1)
+    # Each pool has all of it.
+    triangles = max(sum(held) / now.stand.pools, 1)
     casts = max(sum(node.casts for node in now.nodes), 1)
     rows: list[tuple[str, ...]] = []
     for node in now.nodes:

@@ -217,6 +217,7 @@ def report_text(report: dict[str, Any]) -> str:
         ("rays_passed_per_path", "rays passed per path"),
         ("bytes_passed", "bytes passed between nodes"),
         ("cells_moved", "moves of cells"),
+        *((("pools", "render pools"),) if report.get("pools", 1) > 1 else ()),
         *(
             (("nodes_lost", "nodes lost on the way"), ("nodes_back", "of them back"), ("passes_traced_again", "passes traced again"))
             if report.get("nodes_lost")

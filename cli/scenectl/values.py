@@ -226,6 +226,24 @@ LINE_END = Place("f")
 
 
 @dataclass(frozen=True)
+class Pools:
+    """In how many pools nodes render, or auto: in as many as hold the scene; 0 of them."""
+
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        if text == "auto":
+            return cls(0)
+        if not is_digits(text) or not 1 <= int(text) <= POOL_NODES_MAX:
+            raise ValueError(f"pools are auto, or a number from 1 to {POOL_NODES_MAX}, not {text[:80]!r}")
+        return cls(int(text))
+
+    def __str__(self) -> str:
+        return f"{self.count}" if self.count else "auto"
+
+
+@dataclass(frozen=True)
 class SpaceName:
     """A space by number, 1 to 8191, or by name, such as geometry; whether the scene has it, its log says."""
 
@@ -271,6 +289,7 @@ PortsOption = Annotated[PortPair, ONE_WORD, Parameter(env_var="SCENEFOLD_PORTS")
 NodeCountsOption = Annotated[NodeCounts, ONE_WORD]
 SuiteOption = Literal["ed25519-aes192gcm", "rsa3072-aes192gcm"]
 DEFAULT_SUITE: SuiteOption = "ed25519-aes192gcm"
+PoolsOption = Annotated[Pools, ONE_WORD]
 PlaceOption = Annotated[Place, ONE_WORD]
 SpaceOption = Annotated[SpaceName, ONE_WORD]
 

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import pytest
 import trio
 
 from render.test_resume import interrupted, resumed
-from scenefold.base.errors import LocalFault, Refused
+from scenefold.base.errors import Refused
 from scenefold.base.ids import address_of
 from scenefold.base.rays import RAY_BYTES
+from scenefold.partition.division import Division
 from scenefold.render.job import RenderOptions
 from scenefold.render.ledger import Counts
 from scenefold.render.levels import Adaptive
 from scenefold.render.passes import PassPlan
 from scenefold.render.pool import dealing, organiser
 from scenefold.render.pool.cell import Cell
+from scenefold.render.pool.dividing import EVERYTHING
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.own_passes import pass_owner
-from scenefold.render.pool.promises import Promises
 from scenefold.render.pool.request import organiser_of
-from scenefold.render.pool.share import EVERYTHING, promise_whole, read_tables
 from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
-from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader, Records, memory_pool, running, sha256_of
+from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, Records, memory_pool, running, sha256_of
 from scenefold.render.renderers.embree.renderer import EmbreeScene
 from scenefold.wire import CancelJob, RayBatch, SendRays
 from scenefold.world.real.world import offline_world
@@ -230,11 +229,6 @@ class _Slow:
 
 
 async def test_a_scene_that_is_too_large_for_a_node_is_refused_with_what_to_do(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
-    workers = offline_world().workers
-    tables = await read_tables(MemoryReader(room), workers)
-    promise_whole(tables, partial(Promises(1 << 30).account().take, "cell"))
-    with pytest.raises(LocalFault, match=r"the whole scene takes some \d+ MiB .* may use 0 MiB"):
-        promise_whole(tables, partial(Promises(1_000).account().take, "cell"))
     async with memory_pool(offline_world(), room, 2) as pool:
         monkeypatch.setattr("scenefold.render.pool.share.TRIANGLE_BYTES", MemoryHost.memory_bytes)
         owner = await pool.start(JOB, OPTIONS)
@@ -260,6 +254,6 @@ class _Plain:
 
 
 async def test_what_was_addressed_by_older_cells_stays_with_who_holds_everything() -> None:
-    cell = Cell(EVERYTHING, [], place=3)
+    cell = Cell(Division((EVERYTHING,) * 5), 3, [])
     assert cell.can_route
     assert cell.route("rays") == {3: "rays"}  # type: ignore[arg-type,comparison-overlap]

@@ -13,6 +13,7 @@ import trio.testing
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.partition import Partition
+from scenefold.partition.division import Division
 from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE
 from scenefold.render.job import RenderOptions
 from scenefold.render.pool import organiser
@@ -184,7 +185,7 @@ async def test_what_a_job_held_is_closed_when_it_ends(room: Records, monkeypatch
 
 async def test_a_cell_is_left_when_its_last_tracer_rests() -> None:
     """By everybody who waits for it."""
-    cell = Cell(Partition.voronoi([[0.0, 0.0, 0.0]]), [])
+    cell = Cell(Division((Partition.voronoi([[0.0, 0.0, 0.0]]),)), 0, [])
     await cell.at_rest()
     left: list[str] = []
 
@@ -205,4 +206,5 @@ async def test_a_cell_is_left_when_its_last_tracer_rests() -> None:
 
 
 def test_a_renderer_that_cannot_address_rays_anew_says_so() -> None:
-    assert not Cell(Partition.voronoi([[0.0, 0.0, 0.0]]), [object()]).can_route  # type: ignore[list-item]
+    cells = Partition.voronoi([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    assert not Cell(Division((cells,)), 0, [object()]).can_route  # type: ignore[list-item]

@@ -40,6 +40,8 @@ class StillOptions:
     algorithm: str = "bounded-radial"
     fixed_cells: bool = False
     """Cells stay where they are at first."""
+    pools: int = 1
+    """In how many render pools the nodes stand (`scenefold.render.job.POOLS_THAT_FIT`: in as many as hold the scene)."""
     sky: tuple[float, float, float] | None = None
     """Usually black."""
     camera: str | None = None
@@ -89,6 +91,7 @@ class StillOptions:
             camera=self.camera if self.camera is not None else said.camera,
             algorithm=self.algorithm,
             moving=not self.fixed_cells,
+            pools=self.pools,
             layers=self.layers,
             crop=crop,
             lens=lens_of(self.aperture, self.focus) or lens_of(said.paths.aperture, said.paths.focus),

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 from scenefold.base.errors import PeerFault, UsageFault
 from scenefold.base.ids import NodeId, SceneId
@@ -18,6 +18,7 @@ from scenefold.base.image_limits import DEPTH_MAX, ROTATION_MAX, SAMPLES_MAX, SI
 from scenefold.base.limits import PASS_PATHS_MAX, PASSES_MAX, POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, flag, number, text, whole
 from scenefold.partition import Partition
+from scenefold.partition.division import Division
 from scenefold.render.algorithms import USUAL_ALGORITHM, check_algorithm
 from scenefold.render.layers import USUAL, check_layers, columns_of
 from scenefold.render.lens import Lens
@@ -33,6 +34,7 @@ from scenefold.wire import pack_value, unpack_value
 SEED_MAX = 2**63 - 1
 HASH_BYTES = 32
 _CAMERA_NUMBERS = 16
+POOLS_THAT_FIT = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +69,8 @@ class RenderOptions:
     """When a pixel has fewer samples; None: never."""
     mips: bool = True
     """Whether far textures are read from their coarser levels, as their samplers say; else only the finest ever is."""
+    pools: int = 1
+    """In how many render pools the nodes stand, each of which holds the whole scene (specs/36-render-pools.md); `POOLS_THAT_FIT`: as many as can be. No bit depends on it."""
 
     @property
     def window(self) -> Window:
@@ -91,6 +95,7 @@ class RenderOptions:
             ("samples", self.samples, 1, SAMPLES_MAX),
             ("seed", self.seed, 0, SEED_MAX),
             ("depth", self.depth, 1, DEPTH_MAX),
+            ("pools", self.pools, POOLS_THAT_FIT, POOL_NODES_MAX),
         )
         for name, value, least, most in bounds:
             if not least <= value <= most:
@@ -153,6 +158,9 @@ class Job:
     nodes: tuple[NodeId, ...]
     """In line order; a node's index here is its index in the partition."""
     partition: Partition
+    """Of the first render pool, which all nodes are in if there is no other."""
+    others: tuple[Partition, ...] = ()
+    """Of the other pools."""
     head: SceneHead = NO_HEAD
     layers: tuple[str, ...] = USUAL
     """Beside the beauty."""
@@ -166,13 +174,20 @@ class Job:
     """Whether its films are kept, so that the nodes tell a digest of what they hold."""
     moves: bool = False
     """Whether its cells may move, so that the nodes tell where rays hit."""
-    whole: bool = False
-    """Whether each node holds the whole scene, and paths are dealt (specs/33-dealt-paths.md); the partition stands for the places alone."""
 
     @property
     def window(self) -> Window:
         """What is made of the image."""
         return self.crop or Window(0, 0, self.width, self.height)
+
+    @property
+    def division(self) -> Division:
+        """Of space, among all nodes, at first."""
+        return Division((self.partition, *self.others))
+
+    def divided(self, division: Division) -> Self:
+        """The same job of nodes that stand otherwise."""
+        return replace(self, partition=division.pools[0], others=division.pools[1:])
 
     @property
     def columns(self) -> SumColumns:
@@ -202,7 +217,7 @@ class Job:
                 "sky": struct.pack("<3d", *self.sky),
                 "camera": struct.pack(f"<{_CAMERA_NUMBERS}d", *self.camera),
                 "nodes": [int(node) for node in self.nodes],
-                "partition": self.partition.to_document(),
+                "partition": self.division.to_document(),
                 "head": self.head.row(),
                 "layers": list(self.layers),
                 "crop": None if self.crop is None else self.crop.row(),
@@ -213,7 +228,6 @@ class Job:
                 "mips": self.mips,
                 "keeps": self.keeps,
                 "moves": self.moves,
-                "whole": self.whole,
             }
         )
 
@@ -229,6 +243,9 @@ class Job:
     @classmethod
     def _from_map(cls, document: Any) -> Job:
         width, height = (whole(side, 1, SIDE_MAX) for side in document["size"])
+        if flag(document.get("whole", False)):
+            raise ValueError("its organiser runs an older version")
+        division = Division.from_document(document["partition"])
         job = cls(
             id=whole(document["id"], 0, 2**64 - 1),
             scene=SceneId(whole(document["scene"], 0, 2**32 - 1)),
@@ -245,7 +262,8 @@ class Job:
             sky=struct.unpack("<3d", document["sky"]),
             camera=struct.unpack(f"<{_CAMERA_NUMBERS}d", document["camera"]),
             nodes=tuple(NodeId(whole(node, 0, 2**32 - 1)) for node in document["nodes"]),
-            partition=Partition.from_document(document["partition"]),
+            partition=division.pools[0],
+            others=division.pools[1:],
             head=SceneHead.of_row(document["head"]),
             layers=layers_of_row(document["layers"]),
             crop=Window.of_row(document["crop"]),
@@ -256,14 +274,13 @@ class Job:
             mips=flag(document.get("mips", True)),
             keeps=flag(document["keeps"]),
             moves=flag(document.get("moves", False)),
-            whole=flag(document.get("whole", False)),
         )
         if job.lens is not None:
             job.lens.check()
         job.sampling.check()
         check_rotation(job.environment_rotation)
         job.window.check(width, height)
-        if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or job.partition.nodes != len(job.nodes):
+        if not 0 < len(job.nodes) <= POOL_NODES_MAX or len(set(job.nodes)) != len(job.nodes) or division.nodes != len(job.nodes):
             raise ValueError("nodes and partition do not fit together")
         if not job.keys.nodes.issuperset(job.nodes):
             raise ValueError("the keys are not sealed to all of the nodes, so the client did not choose them all")

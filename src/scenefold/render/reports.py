@@ -15,7 +15,6 @@ from scenefold.base.ids import checked_node_id
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.plain_values import exactly, number, text, whole
 from scenefold.base.rays import RAY_BYTES
-from scenefold.render.algorithms import WHOLE
 from scenefold.render.job import HASH_BYTES, RenderOptions
 from scenefold.render.layers import image_bytes
 from scenefold.wire import MalformedPacket, unpack_value
@@ -71,10 +70,10 @@ class Stand:
     """All of it, unread."""
 
     @property
-    def is_whole(self) -> bool:
-        """Whether each node holds the whole scene, as the organiser says."""
-        options = self.document.get("options")
-        return isinstance(options, dict) and options.get("algorithm") == WHOLE
+    def pools(self) -> int:
+        """In how many render pools the nodes stand, each of which holds the whole scene, as the organiser says; 1 before it does."""
+        pools = self.document.get("pools")
+        return pools if isinstance(pools, int) and 1 <= pools <= POOL_NODES_MAX else 1
 
 
 def stand_of(packed: bytes, where: str) -> Stand:
@@ -151,6 +150,7 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         whole(state["image_bytes"], size, size)
         paths, passes = whole(state["paths"], least.paths, plan.paths), whole(state["passes"], least.count, plan.count)
         before, moved = whole(state["paths_before"], 0, paths), whole(state["moved"], 0, _COUNT_MAX)
+        pools = whole(state.get("pools", 1), 1, POOL_NODES_MAX)
         attempts, again = whole(state["attempts"], 1, _COUNT_MAX), whole(state["passes_again"], 0, _COUNT_MAX)
         lost, back = ([_one_of(address, chosen) for address in _few(state[name], POOL_NODES_MAX)] for name in ("lost", "back"))
         seconds = {_short(name): _seconds(value) for name, value in _few(state["seconds"].items(), _STEPS_MAX)}
@@ -177,6 +177,7 @@ def report_of(state: dict[str, Any], options: RenderOptions, chosen: Collection[
         "rays_per_second": rays / rendering,
         "cell_visits": sum(casts),
         "cells_moved": moved,
+        "pools": pools,
         "attempts": attempts,
         "nodes_lost": lost,
         "nodes_back": back,

@@ -34,7 +34,7 @@ def wherever_they_come(original: Any) -> Any:
     def on_rays(self: Any, node: int, packet: Any) -> None:
         from dataclasses import replace
 
-        epoch = self.cell.partition.epoch
+        epoch = self.cell.epoch
         original(self, node, replace(packet, batches=tuple(replace(batch, partition_epoch=epoch) for batch in packet.batches)))
 
     return on_rays

@@ -28,9 +28,14 @@ def own(rays: int, dealt: int) -> Counts:
     return Counts(created=rays, retired=rays - dealt, sent=dealt)
 
 
+def alone(nodes: int) -> list[range]:
+    """Pools of one node each."""
+    return [range(node, node + 1) for node in range(nodes)]
+
+
 def dealer(nodes: int, me: int = 0) -> Dealer:
-    """Of nodes that have no passes of their own, but for this one."""
-    return Dealer(PLAN, nodes, me, range(PLAN.count), 0.0)
+    """Of nodes that are pools of their own, and have no passes of their own, but for this one."""
+    return Dealer(PLAN, alone(nodes), me, range(PLAN.count), 0.0)
 
 
 def report(dealer: Dealer, number: int, shares: list[int], node: int, now: float) -> None:
@@ -44,14 +49,14 @@ def owned(nodes: int) -> list[list[int]]:
 
 
 def test_who_has_passes_of_its_own_gets_no_part_of_others() -> None:
-    dealer = Dealer(PLAN, 3, 0, (), 0.0)
+    dealer = Dealer(PLAN, alone(3), 0, (), 0.0)
     dealer.release(PLAN.count, 0.0)
     assert dealer.deal(owned(3)[0][0], PASS, 0.0) == [PASS, 0, 0]
     assert dealer.helpers(owned(3)[0][0]) == frozenset()
 
 
 def test_who_has_none_left_helps() -> None:
-    passes, dealer = owned(3), Dealer(PLAN, 3, 0, (), 0.0)
+    passes, dealer = owned(3), Dealer(PLAN, alone(3), 0, (), 0.0)
     dealer.release(PLAN.count, 0.0)
     for at, number in enumerate(passes[2], 1):
         dealer.ended(2, number, float(at))
@@ -97,7 +102,7 @@ def test_of_nobody_known_all_get_alike_but_for_the_way() -> None:
     open_passes=st.booleans(),
 )
 def test_every_ray_is_dealt_once(paces: list[float], rays: list[int], open_passes: bool) -> None:
-    dealer, now = Dealer(PLAN, len(paces), 0, () if open_passes else range(PLAN.count), 0.0), 0.0
+    dealer, now = Dealer(PLAN, alone(len(paces)), 0, () if open_passes else range(PLAN.count), 0.0), 0.0
     dealer.release(PLAN.count, 0.0)
     for number, count in enumerate(rays):
         shares = dealer.deal(number, count, now)
@@ -111,8 +116,9 @@ def test_every_ray_is_dealt_once(paces: list[float], rays: list[int], open_passe
 
 def test_ranges_follow_one_another() -> None:
     rays = np.arange(PASS * 8, dtype=np.uint32).reshape(-1, 8)
-    parts = dealer(4).dealt(0, rays, 0.0)
-    assert (np.concatenate([parts[node] for node in sorted(parts)]) == rays).all()
+    mine, others = dealer(4).dealt(0, {0: rays}, 0.0)
+    assert sorted(others) == [1, 2, 3]
+    assert (np.concatenate([mine[0], *(others[node] for node in sorted(others))]) == rays).all()
 
 
 def test_who_is_slow_gets_what_it_can_trace() -> None:
@@ -268,7 +274,7 @@ def test_what_is_closed_is_nobodys_part() -> None:
 
 
 def test_who_closes_nothing_for_long_is_not_expected_soon() -> None:
-    passes, cards = owned(2), Dealer(PLAN, 2, 0, (), 0.0)
+    passes, cards = owned(2), Dealer(PLAN, alone(2), 0, (), 0.0)
     cards.release(PLAN.count, 0.0)
     for at, number in enumerate(passes[1][:-1], 1):
         cards.ended(1, number, float(at))
@@ -278,3 +284,75 @@ def test_who_closes_nothing_for_long_is_not_expected_soon() -> None:
     report(cards, passes[0][0], shares, 0, began + 1.5)
     cards.closed(passes[0][0], began + 1.5)
     assert cards.deal(passes[0][1], PASS, began + 9.0)[1] == 0
+
+
+# Pools of several nodes --------------------------------------------------------------------------------------
+
+POOLS = [range(3), range(3, 5)]
+
+
+def pooled(me: int = 1) -> Dealer:
+    """Of two pools that have no passes of their own, but for this one's."""
+    return Dealer(PLAN, POOLS, me, range(PLAN.count), 0.0)
+
+
+def numbered(*counts: int) -> dict[int, np.ndarray]:
+    """Rays by the cell that they begin in, each with a number of its own."""
+    ends = np.cumsum(counts)
+    return {cell: np.arange(end - count, end, dtype=np.uint32)[:, None] for cell, (end, count) in enumerate(zip(ends, counts, strict=True))}
+
+
+def test_what_stays_is_divided_as_it_was_and_what_goes_goes_to_one_node_of_a_pool() -> None:
+    rays = numbered(30_000, 20_000, 15_536)
+    stay, away = pooled().dealt(7, rays, 0.0)
+    assert list(away) == [4], "pass 7 goes to the second of two"
+    for cell, some in stay.items():
+        assert (some == rays[cell][: len(some)]).all()
+    everything = np.concatenate([*(stay[cell] for cell in sorted(stay)), away[4]])
+    assert (everything == np.concatenate([rays[cell] for cell in sorted(rays)])).all()
+    assert 10_000 < len(away[4]) < PASS - 10_000
+
+
+@given(counts=st.lists(st.integers(0, 30_000), min_size=1, max_size=6), me=st.integers(0, 4), number=st.integers(0, 60))
+def test_every_ray_of_a_pool_is_dealt_once(counts: list[int], me: int, number: int) -> None:
+    rays = numbered(*counts)
+    if not sum(counts):
+        return
+    cards = pooled(me)
+    stay, away = cards.dealt(number, rays, 0.0)
+    assert set(away) <= cards.helpers(number) and cards.helpers(number).isdisjoint(POOLS[0 if me < 3 else 1])
+    found = np.concatenate([*stay.values(), *away.values()])[:, 0]
+    assert sorted(found.tolist()) == list(range(sum(counts)))
+    for cell, some in stay.items():
+        assert set(some[:, 0].tolist()) <= set(rays[cell][:, 0].tolist())
+
+
+def test_all_nodes_of_a_pool_that_was_dealt_a_part_may_have_some_of_it() -> None:
+    cards = pooled(0)
+    cards.dealt(2, numbered(PASS), 0.0)
+    assert cards.helpers(2) == {3, 4}
+
+
+def test_a_part_is_done_once_the_pool_has_done_it_and_no_node_alone() -> None:
+    cards, control = pooled(0), pooled(0)
+    part = len(cards.dealt(0, numbered(PASS), 0.0)[1][3])
+    control.dealt(0, numbered(PASS), 0.0)
+    # Node 3 got all, kept half of them, and passed the others on; what it says looks as if all of it were done.
+    cards.reported(0, 3, Counts(created=5, retired=part // 2 + 5, sent=part - part // 2, received=part), 0.2)
+    assert cards.deal(1, PASS, 0.3) == control.deal(1, PASS, 0.3)
+    # Node 4 has those, and sent one back.
+    cards.reported(0, 4, Counts(created=3, retired=part - part // 2 + 2, sent=1, received=part - part // 2), 0.25)
+    assert cards.deal(2, PASS, 0.3) == control.deal(2, PASS, 0.3)
+    cards.reported(0, 3, Counts(created=5, retired=part // 2 + 6, sent=part - part // 2, received=part + 1), 0.3)
+    assert cards.deal(3, PASS, 0.31) != control.deal(3, PASS, 0.31)
+
+
+def test_a_pool_is_busy_with_the_passes_of_all_of_its_nodes() -> None:
+    cards, passes = Dealer(PLAN, POOLS, 0, (), 0.0), owned(5)
+    cards.release(PLAN.count, 0.0)
+    for at, number in enumerate(passes[3], 1):
+        cards.ended(3, number, float(at))
+    assert cards.deal(passes[0][0], PASS, float(len(passes[3]))) == [PASS, 0], "node 4 has passes, which node 3 works for, too"
+    for at, number in enumerate(passes[4], len(passes[3]) + 1):
+        cards.ended(4, number, float(at))
+    assert cards.deal(passes[0][1], PASS, float(len(passes[3] + passes[4])))[1] > 10_000

@@ -9,7 +9,7 @@ from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.limits import PASS_PATHS_MAX
 from scenefold.base.rays import RAY_WORDS
 from scenefold.render.passes import PassPlan
-from scenefold.render.pool.incoming import check_dealt, check_room
+from scenefold.render.pool.incoming import check_room, check_senders
 from scenefold.render.pool.outbox import Batch
 from scenefold.render.pool.own_passes import NODES_MANY, owners_of, pass_owner, passes_in_flight
 
@@ -43,10 +43,10 @@ def test_no_more_rays_than_open_passes_have() -> None:
 def test_dealt_paths_come_from_who_owns_them() -> None:
     for number in range(20):
         owner = pass_owner(PLAN, number, 4)
-        check_dealt([batch(number)], PLAN, 4, owner)
+        check_senders([batch(number)], PLAN, 4, owner)
         with pytest.raises(Refused, match="dealt by the owner"):
-            check_dealt([batch(number)], PLAN, 4, (owner + 1) % 4)
-    check_dealt([], PLAN, 4, 0)
+            check_senders([batch(number)], PLAN, 4, (owner + 1) % 4)
+    check_senders([], PLAN, 4, 0)
 
 
 @pytest.mark.parametrize("nodes", [1, 3, 127])

@@ -50,7 +50,6 @@ JOB = Job(
     adaptive=Adaptive(0.1, 8),
     keeps=True,
     moves=True,
-    whole=True,
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
@@ -64,13 +63,27 @@ def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moves": False, "whole": False}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moves": False}
 """What older documents do not have, and what it is then."""
 
 
 def test_an_older_job_reads_as_it_was_meant() -> None:
     older = {name: value for name, value in DOCUMENT.items() if name not in OPTIONAL}
     assert Job.from_bytes(pack_value(older)) == replace(JOB, **OPTIONAL)
+
+
+def test_a_job_of_several_pools_round_trips_and_is_of_all_of_them() -> None:
+    pools = replace(JOB, partition=Partition.voronoi([[0, 0, 0]]), others=(Partition.voronoi([[1, 2, 3]]),))
+    assert Job.from_bytes(pools.to_bytes()) == pools
+    assert pools.division.nodes == 2 and pools.divided(JOB.division) == JOB and JOB.divided(pools.division) == pools
+    with pytest.raises(PeerFault):
+        Job.from_bytes(replace(pools, others=()).to_bytes())
+
+
+def test_a_job_of_a_build_in_which_each_node_held_the_whole_scene_by_one_partition_is_not_taken_for_one_with_cells() -> None:
+    with pytest.raises(PeerFault, match="older version"):
+        Job.from_bytes(pack_value({**DOCUMENT, "whole": True}))
+    assert Job.from_bytes(pack_value({**DOCUMENT, "whole": False})) == JOB
 
 
 @pytest.mark.parametrize("key", sorted(set(DOCUMENT) - set(OPTIONAL)))

@@ -11,12 +11,13 @@ from trio.testing import MockClock
 
 from scenefold.base.errors import Refused
 from scenefold.partition import Partition
+from scenefold.partition.division import Division
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.moving import Held, Moving
 from scenefold.render.pool.promises import Promises
 
 LOADS_S = 80.0
-FIRST = Partition.voronoi([[0, 0, 0], [1, 0, 0]], epoch=1)
+FIRST = Division((Partition.voronoi([[0, 0, 0], [1, 0, 0]], epoch=1),))
 
 
 class Scene:
@@ -41,18 +42,18 @@ class SlowMoving(Moving):
     def __init__(self) -> None:
         host = SimpleNamespace(world=SimpleNamespace(workers=Workers()))
         self.account = Promises(1 << 30).account()
-        job = SimpleNamespace(nodes=(1, 2), partition=FIRST, whole=False)
+        job = SimpleNamespace(nodes=(1, 2), division=FIRST)
         super().__init__(cast(Any, host), cast(Any, None), cast(Any, job), 0, self.account)
         self.loaded: list[Scene] = []
-        self.held = Held(Cell(FIRST, []), cast(Any, None), cast(Any, Scene()), "cell 0")
+        self.held = Held(Cell(FIRST, 0, []), cast(Any, None), cast(Any, Scene()), "cell 0")
 
-    async def _moved(self, now: Held, partition: Partition, place: int) -> Held:
+    async def _moved(self, now: Held, division: Division, place: int) -> Held:
         scene = Scene()
         self.loaded.append(scene)
         await trio.sleep(LOADS_S)
         name = f"cell {len(self.loaded)}"
         self.account.take(name, 100, "a cell", "")
-        return Held(Cell(partition, []), now.loaded, cast(Any, scene), name)
+        return Held(Cell(division, place, []), now.loaded, cast(Any, scene), name)
 
 
 async def test_what_is_wanted_no_more_is_let_go_of_once_it_is_there(autojump_clock: MockClock, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,9 +12,11 @@ import trio
 from scenefold.base.errors import LocalFault, PeerFault, UsageFault
 from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition, camera_frame
+from scenefold.partition.division import Division
 from scenefold.partition.registry import BUILT_IN
 from scenefold.partition.rules import Measured
 from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE, check_algorithm, rule_of
+from scenefold.render.pool.division_moves import DivisionMoves
 from scenefold.render.pool.hit_sample import KEPT_LEAST, KEPT_OF_ALL, HitSample, hits_of_bytes, kept_of
 from scenefold.render.pool.mover import Mover
 from scenefold.render.pool.moves import Moves, Told
@@ -67,7 +69,7 @@ async def test_cells_stay_where_a_move_would_cost_more_than_it_wins(
     def rule(partition: Partition, _measured: Measured, _damping: float) -> Partition:
         return Partition.voronoi([[0, 0, 0], [2 + partition.epoch, 0, 0]])
 
-    moves = Moves(rule, Partition.voronoi([[0, 0, 0], [1, 0, 0]]), BOX, NOWHERE, first_rays=1)
+    moves = DivisionMoves(rule, Division((Partition.voronoi([[0, 0, 0], [1, 0, 0]]),)), BOX, NOWHERE, first_rays=1)
     clock = cast(Clock, TrioClock())
     mover = Mover(moves, clock, cast(Workers, InlineWorkers()), told, to_all, lambda: left_s, lambda _after, *, is_claimed: None)
     with trio.move_on_after(120.0):

@@ -38,6 +38,7 @@ REQUEST = RenderRequest(
         environment_rotation=-12.5,
         mips=False,
         adaptive=Adaptive(0.05),
+        pools=3,
     ),
     SceneHead(5, bytes(32), 4),
     Keep(2, bytes(range(32)), "embree"),
@@ -72,7 +73,7 @@ def test_a_request_round_trips() -> None:
     assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moving": False}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moving": False, "pools": 1}
 """What older clients do not send, and what it is then."""
 
 
@@ -91,6 +92,9 @@ def test_every_entry_is_needed(key: str) -> None:
     ("key", "value"),
     [
         ("width", ENDLESS),
+        ("pools", None),
+        ("pools", 1.5),
+        ("pools", ENDLESS),
         ("height", -ENDLESS),
         ("samples", float("nan")),
         ("width", "640"),
@@ -143,6 +147,9 @@ def test_nothing_is_made_of_what_makes_no_sense(key: str, value: object) -> None
 
 
 def test_an_option_out_of_range_is_told_by_its_name() -> None:
+    for pools in (-1, 128, 2**62):
+        with pytest.raises(UsageFault, match="pools is"):
+            RenderRequest.from_map(7, {**DOCUMENT, "pools": pools})
     with pytest.raises(UsageFault, match="no layer 'shine'"):
         RenderRequest.from_map(7, {**DOCUMENT, "layers": ["shine"]})
     with pytest.raises(UsageFault, match="is no part of an image of 640x360"):

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable, Collection
-from dataclasses import replace
 from functools import partial
 
 import trio
 
 from scenefold.base.errors import PeerFault, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
-from scenefold.partition import Partition
-from scenefold.partition.dropped import without
+from scenefold.partition.division import Division
 from scenefold.render.job import Job
 from scenefold.render.pool.company import Company, NodesBack, NodesLost, back_of, is_away, lost_of
+from scenefold.render.pool.dividing import Dividing
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.pass_bits import bits_of, passes_of
@@ -31,17 +30,15 @@ _log = logging.getLogger("scenefold.render.pool")
 class Attempts:
     """Of one job."""
 
-    def __init__(
-        self, job: Job, company: Company, part: Callable[[], Part], clock: Clock, before: int, fresh: Callable[[int], Awaitable[Partition]]
-    ) -> None:
-        """`part`: this node's own. `before`: passes below this number are in its film. `fresh`: cells for so many nodes, by where geometry lies."""
+    def __init__(self, job: Job, company: Company, part: Callable[[], Part], clock: Clock, before: int, dividing: Dividing) -> None:
+        """`part`: this node's own. `before`: passes below this number are in its film. `dividing`: how the job's space is."""
         self._job, self._company, self._part, self._clock = job, company, part, clock
-        self._fresh: Callable[[int], Awaitable[Partition]] | None = fresh
+        self._dividing: Dividing | None = dividing
         self._gatherings = 0
         self._cells_of = job.nodes
-        self.partition: Partition = job.partition
+        self.division = job.division
         """The newest that all have claimed."""
-        self.newest_epoch = job.partition.epoch
+        self.newest_epoch = self.division.epoch
         """That any was told of."""
         self.base = before
         """Passes that were done when this attempt began;"""
@@ -139,15 +136,17 @@ class Attempts:
                 raise NodesLost(change.nodes, known[0]) from None
             raise
         await company.tell({"begin": roster.attempt, "epoch": after.epoch, "done": bits_of(done, job.plan.count)})
-        self.partition, self._cells_of = after, roster.nodes
+        self.division, self._cells_of = after, roster.nodes
 
-    async def _cells(self, roster: Roster) -> Partition:
-        """Those of before without the cells of who is lost; with others, new ones for all."""
-        epoch = self.newest_epoch + 1
+    async def _cells(self, roster: Roster) -> Division:
+        """Those of before without the cells of who is lost, if that can be; with others, new ones for all."""
+        epoch, dividing = self.newest_epoch + 1, self._dividing
+        assert dividing is not None
         if set(roster.nodes) <= set(self._cells_of):
-            return without(self.partition, [cell for cell, node in enumerate(self._cells_of) if node not in roster.nodes], epoch)
-        assert self._fresh is not None
-        return replace(await self._fresh(len(roster.nodes)), epoch=epoch)
+            left = self.division.without([cell for cell, node in enumerate(self._cells_of) if node not in roster.nodes], epoch)
+            if await dividing.can_be(left, self.division, roster.nodes):
+                return left
+        return (await dividing.fresh(roster.nodes)).with_epoch(epoch)
 
     def _say(self, change: NodesLost | NodesBack) -> None:
         words, count = ", ".join(map(address_of, sorted(change.nodes))), len(self._company.nodes)
@@ -158,7 +157,7 @@ class Attempts:
 
     def drop_scene(self) -> None:
         """There is no attempt any more, and none needs new cells."""
-        self._fresh = None
+        self._dividing = None
 
     @property
     def missing(self) -> tuple[NodeId, ...]:

@@ -1,13 +1,13 @@
-"""One node's cell of one partition, or all of space, with all that tracing in it takes. It is replaced as a whole (specs/29-moving-cells.md)."""
+"""One node's cell of one division, with all that tracing in it takes. It is replaced as a whole (specs/29-moving-cells.md)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import trio
 
-from scenefold.partition import Partition
+from scenefold.partition.division import Division
 from scenefold.render.arrays import U32
 from scenefold.render.contract import RoutingTracer, Tracer
 
@@ -15,13 +15,19 @@ from scenefold.render.contract import RoutingTracer, Tracer
 class Cell:
     """Tracers, one a thread, and how many of them work. From the Trio thread only."""
 
-    def __init__(self, partition: Partition, tracers: Sequence[Tracer], place: int | None = None) -> None:
-        """`place`: of a node that holds the whole scene, so that no ray leaves it."""
-        self.partition = partition
-        self._place = place
+    def __init__(self, division: Division, place: int, tracers: Sequence[Tracer]) -> None:
+        """`place`: the node's, whose pool passes rays on among its own nodes alone (specs/36-render-pools.md)."""
+        self.division = division
+        self.pool = division.ranges[division.pool_at(place)]
+        """Places of all nodes of the pool."""
         self.tracers = tracers
         self._working = 0
         self._rested = trio.Event()
+
+    @property
+    def epoch(self) -> int:
+        """Of the division."""
+        return self.division.epoch
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
@@ -44,12 +50,16 @@ class Cell:
     @property
     def can_route(self) -> bool:
         """Whether its rays can be addressed anew."""
-        return self._place is not None or all(isinstance(tracer, RoutingTracer) for tracer in self.tracers)
+        return len(self.pool) == 1 or all(isinstance(tracer, RoutingTracer) for tracer in self.tracers)
+
+    def by_place(self, rays: Mapping[int, U32]) -> dict[int, U32]:
+        """What a tracer gave by the nodes of its partition, by their places."""
+        return {self.pool.start + index: some for index, some in rays.items()}
 
     def route(self, rays: U32) -> dict[int, U32]:
-        """By the node of the partition that casts each next."""
-        if self._place is not None:
-            return {self._place: rays}
+        """By the place of the node that casts each next."""
+        if len(self.pool) == 1:
+            return {self.pool.start: rays}
         tracer = self.tracers[0]
         assert isinstance(tracer, RoutingTracer), "only those that can route fetch another cell"
-        return tracer.route(rays)
+        return self.by_place(tracer.route(rays))

@@ -48,7 +48,7 @@ def check_room(batches: Sequence[Batch], known: Collection[int], waiting: int, n
         raise PeerFault("more rays came than open passes have", where=f"{waiting} and {more} more")
 
 
-def check_dealt(batches: Sequence[Batch], plan: PassPlan, nodes: int, sender: int) -> None:
-    """Refused (12) if rays are not of a pass of the node that sent them: paths are dealt by who owns them, and go no further."""
+def check_senders(batches: Sequence[Batch], plan: PassPlan, nodes: int, sender: int) -> None:
+    """Refused (12) if rays from a node of another pool are not of a pass that it owns: paths are dealt by who owns them, and stay in a pool."""
     if any(pass_owner(plan, batch.number, nodes) != sender for batch in batches):
         raise Refused(RejectReason.NOT_AUTHORISED, "paths are dealt by the owner of their pass", where=f"node {sender} of the job")

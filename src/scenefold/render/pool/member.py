@@ -32,7 +32,7 @@ from scenefold.render.pool.awake import Awake
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.dealing import Dealer
 from scenefold.render.pool.films import Summed
-from scenefold.render.pool.incoming import batches_of, check_dealt, check_room
+from scenefold.render.pool.incoming import batches_of, check_room, check_senders
 from scenefold.render.pool.kept_sums import KeptSums, sums_packet
 from scenefold.render.pool.lasting import Lasting
 from scenefold.render.pool.links.link import Link
@@ -49,6 +49,8 @@ from scenefold.world import World, leaves
 COLLECT_S_MAX = 120.0
 AGAIN_S = 0.2
 """Before a node that could not be reached is asked again."""
+DEALT = 0
+"""Epoch of rays for another pool: no division has it, so whoever gets them addresses them anew."""
 QUEUE_RAYS_ENOUGH = 32_768
 """With this many rays waiting, no further pass is opened."""
 
@@ -91,7 +93,11 @@ class Member:
         self._astray: deque[Work] = deque()
         """Rays to be addressed anew."""
         self._strayed = trio.Event()
-        self._dealer = Dealer(self._plan, len(roster.nodes), me, done, self._clock.now()) if job.whole else None
+        pools = cell.division.ranges
+        self._mates = frozenset(cell.pool) - {me}
+        """Who is in this node's pool, too."""
+        self._dealer = Dealer(self._plan, pools, me, done, self._clock.now()) if len(pools) > 1 else None
+        self._is_alone = self._dealer is not None and not self._mates
         self._opening = False
         self._resting = 0
         """Threads that have nothing to trace."""
@@ -116,8 +122,8 @@ class Member:
         if not link.has_come(packet.link_sequence):
             # What may not be taken has not come: its number does not count, and it is sent again.
             check_room(batches, self._counts, len(self._queue), len(self._roster.nodes), self._job.depth)
-            if self._dealer is not None:
-                check_dealt(batches, self._plan, len(self._roster.nodes), node)
+            if node not in self._mates:
+                check_senders(batches, self._plan, len(self._roster.nodes), node)
         if not link.is_new(packet.link_sequence, frame_size(count, len(packet.counts))):
             return
         for batch in batches:
@@ -134,9 +140,9 @@ class Member:
 
     def _take(self, batch: Batch) -> None:
         self._count(batch.number, Counts(received=len(batch.rays)))
-        if batch.epoch > self._cell.partition.epoch:
+        if batch.epoch > self._cell.epoch:
             self.on_newer(batch.epoch)
-        if batch.epoch == self._cell.partition.epoch:
+        if batch.epoch == self._cell.epoch or self._is_alone:
             self._queue.put(batch.number, batch.rays)
         else:
             self._queue.lend(batch.number)
@@ -225,7 +231,7 @@ class Member:
             mine = rays.pop(self._me, None)
             if mine is not None:
                 self._queue.put(work.number, mine)
-            sent = self._dispatch(cell, work.number, rays)
+            sent = self._dispatch(cell.epoch, work.number, rays)
             self._count(work.number, Counts(sent=sent))
             if self._queue.done(work.number):
                 self._tell(work.number)
@@ -323,7 +329,7 @@ class Member:
         self.statistics.shadow_casts += outcome.shadow_casts
         if outcome.hits is not None and self._job.moves:
             self.hits.add(outcome.hits, outcome.hit_count)
-        sent = self._dispatch(cell, number, outcome.leaving)
+        sent = self._dispatch(cell.epoch, number, cell.by_place(outcome.leaving))
         self._count(number, Counts(created=outcome.created, retired=outcome.retired, sent=sent))
         if self._queue.done(number):
             self._tell(number)
@@ -336,9 +342,10 @@ class Member:
                 rays = await self._world.workers.run(LANE, camera_rays, cell.tracers[thread], self._job, number, self._goes_on)
         finally:
             self._opening = False
-        created = sum(map(len, rays.values()))
+        created, dealt = sum(map(len, rays.values())), dict[int, U32]()
         if self._dealer is not None and created:
-            rays = self._dealer.dealt(number, rays[0], self._clock.now())
+            rays, dealt = self._dealer.dealt(number, rays, self._clock.now())
+        rays = cell.by_place(rays)
         if not created:
             # None of its pixels goes on: nobody has anything of it.
             self._films.own.passes.add(number)
@@ -354,7 +361,7 @@ class Member:
         elif mine is not None:
             self._queue.lend(number)
             self._stray(Work(number, mine))
-        sent = self._dispatch(cell, number, rays)
+        sent = self._dispatch(cell.epoch, number, rays) + self._dispatch(DEALT, number, dealt)
         self._count(number, Counts(created=created, sent=sent))
         self._wake()
         if not self._queue.is_busy(number):
@@ -362,11 +369,12 @@ class Member:
 
     # Counting ------------------------------------------------------------------------------------------------
 
-    def _dispatch(self, cell: Cell, number: int, leaving: dict[int, U32]) -> int:
+    def _dispatch(self, epoch: int, number: int, leaving: dict[int, U32]) -> int:
+        """To the nodes at these places; how many."""
         sent = 0
         for index, rays in leaving.items():
             if len(rays):
-                self._links[index].put_rays(cell.partition.epoch, number, np.ascontiguousarray(rays), are_all=self._dealer is not None)
+                self._links[index].put_rays(epoch, number, np.ascontiguousarray(rays), are_all=epoch == DEALT)
                 sent += len(rays)
         self.statistics.rays_sent += sent
         return sent
@@ -385,12 +393,12 @@ class Member:
         if owner == self._me:
             self._report(self._me, number, counts)
             return
-        self._links[owner].put_counts(number, counts, are_last=self._dealer is not None)
+        self._links[owner].put_counts(number, counts, are_last=self._is_alone)
 
     def _report(self, node: int, number: int, counts: Counts) -> None:
         if self._dealer is not None:
-            if node != self._me and node not in self._dealer.helpers(number):
-                # It was dealt nothing: nobody reads its counts a second time.
+            if node != self._me and node not in self._mates | self._dealer.helpers(number):
+                # Its pool was dealt nothing: nobody reads its counts a second time.
                 return
             self._dealer.reported(number, node, counts, self._clock.now())
         ledger = self._own.ledgers.get(number)
@@ -408,8 +416,8 @@ class Member:
         """The second reading of a pass, again and again while the newest counts balance."""
         ledger = self._own.ledgers[number]
         replies: dict[int, PassSums] = {}
-        # Rays that are dealt go no further, so who was dealt none has nothing.
-        takers = frozenset(self._links) if self._dealer is None else self._dealer.helpers(number)
+        # Rays stay in a pool, so one that was dealt none has nothing.
+        takers = self._mates if self._dealer is None else self._mates | self._dealer.helpers(number)
 
         async def read(index: int) -> None:
             request = CollectPass(job=self._job.id, pass_index=number, attempt=self._roster.attempt)

@@ -10,9 +10,10 @@ from typing import Protocol
 import trio
 
 from scenefold.base.errors import ScenefoldError
-from scenefold.partition import Partition
+from scenefold.partition.division import Division
+from scenefold.render.pool.division_moves import DivisionMoves
 from scenefold.render.pool.hold import PREPARE_S_MAX
-from scenefold.render.pool.moves import Moves, Told
+from scenefold.render.pool.moves import Told
 from scenefold.render.pool.share import FILM_LANE
 from scenefold.wire import Value
 from scenefold.world import Clock, Workers
@@ -42,7 +43,7 @@ USUAL_PACE = Pace()
 class Noted(Protocol):
     """Told of a move."""
 
-    def __call__(self, partition: Partition, *, is_claimed: bool) -> None: ...
+    def __call__(self, division: Division, *, is_claimed: bool) -> None: ...
 
 
 class Mover:
@@ -50,7 +51,7 @@ class Mover:
 
     def __init__(
         self,
-        moves: Moves,
+        moves: DivisionMoves,
         clock: Clock,
         workers: Workers,
         told: Callable[[], Sequence[Told]],
@@ -80,21 +81,21 @@ class Mover:
             except Exception as fault:  # noqa: BLE001  a rule may be a package's, and an image is worth more than its cells
                 _log.warning("cells stay where they are from now on: their rule failed, %s: %s", type(fault).__name__, fault)
                 return
-            if after is self._moves.partition:
+            if after is self._moves.division:
                 continue
             begun = trio.current_time()
             self._noted(after, is_claimed=False)
             if not await self._fetched(after):
                 return
             await self._to_all({"claim": after.epoch}, CLAIM_S_MAX)
-            self._moves.partition = after
+            self._moves.division = after
             self._took_s = trio.current_time() - begun
             self._noted(after, is_claimed=True)
 
     def _is_worth(self, told: Sequence[Told]) -> bool:
         return self._left_s() * self._moves.idle_share(told) >= self._pace.worth * self._took_s
 
-    async def _fetched(self, after: Partition) -> bool:
+    async def _fetched(self, after: Division) -> bool:
         refused = ""
         try:
             await self._to_all({"fetch": dict(after.to_document())}, PREPARE_S_MAX)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,10 +11,10 @@ import trio
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
-from scenefold.partition import Partition
+from scenefold.partition.division import Division
 from scenefold.partition.value import EPOCH_MAX
 from scenefold.render.content import share_of
-from scenefold.render.contract import MovableScene, OpenScene, Renderer, RoutingTracer, Tracer
+from scenefold.render.contract import MovableScene, OpenScene, Renderer, RoutingTracer
 from scenefold.render.job import Job
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.host import Host
@@ -58,7 +57,7 @@ class Moving:
 
     async def open(self) -> Held:
         """The job's first cell; the scene's keys are needed for as long as this takes."""
-        self.held = await self._opened(self._job.partition, self._place)
+        self.held = await self._opened(self._job.division, self._place)
         return self.held
 
     def take_place(self, place: int, places: int) -> None:
@@ -66,28 +65,30 @@ class Moving:
         self._place, self._places = place, places
 
     async def fetch(self, document: object, *, is_anew: bool = False) -> None:
-        """Make ready to answer for this node's cell of another partition. PeerFault if it is none, LocalFault if it cannot be.
+        """Make ready to answer for this node's cell of another division. PeerFault if it is none, LocalFault if it cannot be.
 
         `is_anew`: an attempt begins, nothing is traced, and what was fetched before will not be claimed.
         """
-        partition = Partition.from_document(document)
+        division = Division.from_document(document)
         async with self._turn:
-            if partition.nodes != self._places:
-                raise PeerFault("a partition is for another number of nodes")
+            if division.nodes != self._places:
+                raise PeerFault("a division is for another number of nodes")
+            if not is_anew and division.ranges != self._now().cell.division.ranges:
+                raise PeerFault("nodes move from one pool to another while they trace")
             if is_anew and self._next is not None:
                 dropped, self._next = self._next, None
                 # What is in no list any more, nobody else would close.
                 with trio.CancelScope(shield=True):
                     await self._close(dropped)
             now = self._now()
-            if partition.epoch <= now.cell.partition.epoch or self._next is not None:
-                raise PeerFault("cells do not move that way", where=f"epoch {partition.epoch}")
+            if division.epoch <= now.cell.epoch or self._next is not None:
+                raise PeerFault("cells do not move that way", where=f"epoch {division.epoch}")
             if not is_anew and not now.cell.can_route:
                 raise LocalFault("the renderer cannot move cells", remedy="render with fixed cells")
             # Two cells are held at most.
             await self._all_left.wait()
-            fetched = await self._moved(self._now(), partition, self._place)
-            if partition.epoch <= self._unwanted:
+            fetched = await self._moved(self._now(), division, self._place)
+            if division.epoch <= self._unwanted:
                 with trio.CancelScope(shield=True):
                     await self._close(fetched)
                 raise Refused(RejectReason.NOT_READY, "the cell is wanted no more")
@@ -95,13 +96,13 @@ class Moving:
 
     def claim(self, epoch: object, member: Member) -> None:
         """Answer for the cell that was fetched. PeerFault if it was not."""
-        if _epoch(epoch) != self._now().cell.partition.epoch:
+        if _epoch(epoch) != self._now().cell.epoch:
             member.claim(self.take(epoch))
 
     def take(self, epoch: object) -> Cell:
         """The cell that was fetched; what was held before is let go of. PeerFault if it was not."""
         number, now, fetched = _epoch(epoch), self._now(), self._next
-        if fetched is None or fetched.cell.partition.epoch != number:
+        if fetched is None or fetched.cell.epoch != number:
             raise PeerFault("no such cell was fetched", where=f"epoch {number}")
         self.held, self._next = fetched, None
         self._left.append(now)
@@ -111,7 +112,7 @@ class Moving:
 
     def claim_if_fetched(self, epoch: int, member: Member) -> None:
         """The word of a node that has claimed already."""
-        if self._next is not None and self._next.cell.partition.epoch == epoch:
+        if self._next is not None and self._next.cell.epoch == epoch:
             self.claim(epoch, member)
 
     async def forget(self, epoch: object) -> None:
@@ -122,7 +123,7 @@ class Moving:
             return
         async with self._turn:
             fetched = self._next
-            if fetched is not None and fetched.cell.partition.epoch == number:
+            if fetched is not None and fetched.cell.epoch == number:
                 self._next = None
                 with trio.CancelScope(shield=True):
                     await self._close(fetched)
@@ -155,48 +156,45 @@ class Moving:
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is not ready")
         return self.held
 
-    async def _moved(self, now: Held, partition: Partition, place: int) -> Held:
-        cells, mine = held_by(self._job, partition, place)
+    async def _moved(self, now: Held, division: Division, place: int) -> Held:
+        cells, mine = held_by(division, place)
         needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, cells, mine)
         share = now.loaded.share
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
         if holds and isinstance(now.scene, MovableScene):
             tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, cells, mine, self._host.render_threads)
-            return Held(self._cell(partition, tracers, place), now.loaded, now.scene, now.promise)
-        return await self._opened(partition, place)
+            return Held(Cell(division, place, tracers), now.loaded, now.scene, now.promise)
+        return await self._opened(division, place)
 
-    async def _opened(self, partition: Partition, place: int) -> Held:
+    async def _opened(self, division: Division, place: int) -> Held:
         self._opened_count += 1
         promise = f"cell {self._opened_count}"
         try:
-            return await self._open(partition, place, promise)
+            return await self._open(division, place, promise)
         except BaseException:
             self._account.give_back(promise)
             raise
 
-    async def _open(self, partition: Partition, place: int, promise: str) -> Held:
-        host, job = self._host, replace(self._job, partition=partition)
+    async def _open(self, division: Division, place: int, promise: str) -> Held:
+        host, job = self._host, self._job.divided(division)
         if self.held is not None:
             # The digest of the whole scene was told already.
             job = replace(job, keeps=False)
         async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
             loaded = await load_share(reader, host.world.workers, job, place, partial(self._account.take, promise))
         self.bytes_read += loaded.bytes_read
-        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, *held_by(job, partition, place))
+        scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, *held_by(division, place))
         if self._is_over:
             await host.world.workers.run(LANE, scene.close)
             raise Refused(RejectReason.NOT_READY, "this node's part of the job is over")
         tracers = scene.tracers(host.render_threads)
-        if job.whole and not all(isinstance(tracer, RoutingTracer) for tracer in tracers):
+        if job.others and not all(isinstance(tracer, RoutingTracer) for tracer in tracers):
             await host.world.workers.run(LANE, scene.close)
             raise LocalFault(
                 "the renderer's rays depend on what is traced with them, so paths cannot be dealt",
-                remedy="render with cells, or on one node",
+                remedy="render in one pool, or on one node",
             )
-        return Held(self._cell(partition, tracers, place), loaded, scene, promise)
-
-    def _cell(self, partition: Partition, tracers: Sequence[Tracer], place: int) -> Cell:
-        return Cell(partition, tracers, place if self._job.whole else None)
+        return Held(Cell(division, place, tracers), loaded, scene, promise)
 
     async def _close(self, held: Held) -> None:
         """Unless somebody else traces with it."""

@@ -17,7 +17,7 @@ from scenefold.base.errors import LocalFault, Refused, ScenefoldError
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import POOL_NODES_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.partition import Partition
+from scenefold.partition.division import Division
 from scenefold.render.adaptive import going_on
 from scenefold.render.algorithms import rule_of
 from scenefold.render.arrays import F64
@@ -32,21 +32,23 @@ from scenefold.render.pool.attempts import Attempts, or_changed
 from scenefold.render.pool.comebacks import Comebacks
 from scenefold.render.pool.company import ASK_S_MAX, Company, NodesBack, NodesLost
 from scenefold.render.pool.course import Course, whole_of
+from scenefold.render.pool.dividing import Dividing
+from scenefold.render.pool.division_moves import DivisionMoves
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.keeping import keep_places
 from scenefold.render.pool.kept_film import ComingFilm, film_size, packed_film, stage_end, unpack_film
 from scenefold.render.pool.levels import pieces
 from scenefold.render.pool.mover import USUAL_PACE, Mover, Pace
-from scenefold.render.pool.moves import Moves, Told
+from scenefold.render.pool.moves import Told
 from scenefold.render.pool.part import Part
-from scenefold.render.pool.planning import fresh_cells, planned
+from scenefold.render.pool.planning import planned
 from scenefold.render.pool.promises import Account
-from scenefold.render.pool.request import Keep, RenderRequest, options_document
+from scenefold.render.pool.request import RenderRequest, options_document
 from scenefold.render.pool.share import FILM_LANE, LANE
 from scenefold.render.pool.telling import failure_fields, failure_of, told
 from scenefold.render.pool.unattended import IMAGE_KEPT_S
-from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_scene, digest_told
+from scenefold.render.pool.whole_scene import DIGEST_BYTES, digest_of_pools
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 from scenefold.wire import CancelJob, StartJob, Value
@@ -58,7 +60,6 @@ LOST_S_MAX = 2.0
 """For a node that is lost to answer after all."""
 UPLOAD_S_MAX = 900.0
 """A film to go on from, 4 MiB at a time, over whatever line the client has."""
-_ANEW = "remove the file of the kept render to begin anew"
 POLL_S = 0.2
 COMEBACK_S = 10.0
 """While nodes are missing, so often nothing is open for a moment, and who is back may join."""
@@ -104,7 +105,7 @@ class Organiser:
         """All below the first one are closed; the level that is traced ends before the second."""
         self._seconds: dict[str, float] = {}
         self._keep, self._options, self._unattended = request.keep, request.options, request.unattended
-        self._algorithm, self._camera = request.options.algorithm, request.options.camera
+        self._algorithm = request.options.algorithm
         self._comebacks: Comebacks | None = None
         self._digest = bytes(DIGEST_BYTES)
         self._before, self._paths_before = self._course.before, 0
@@ -218,6 +219,7 @@ class Organiser:
             "kept_passes": self._kept[0],
             "content": self._digest,
             **self._course.document(is_done=self._phase == "done"),
+            "pools": 0 if self._job is None else len((self._job if self._attempts is None else self._attempts).division.pools),
             "attempts": 1 if self._company is None else 1 + self._company.roster.attempt,
             "passes_again": 0 if self._attempts is None else self._attempts.traced_again,
             "lost": [] if self._attempts is None else [address_of(node) for node in self._attempts.lost[:POOL_NODES_MAX]],
@@ -235,28 +237,28 @@ class Organiser:
     async def _render(self) -> None:
         assert self._keys is not None and self._request is not None
         with _Timed(self, "plan"):
-            job, tables = await planned(self._host, self._renderer, self._request, self._keys, self.account)
-        self._job, self._keys, self._request = job, None, None
+            plan = await planned(self._host, self._renderer, self._request, self._keys, self.account)
+        self._job, self._keys, self._request = plan.job, None, None
         async with trio.open_nursery() as nursery:
-            nursery.start_soon(keep_places, self._host, job, self._nodes_now)
-            await self._make_image(job, tables)
+            nursery.start_soon(keep_places, self._host, plan.job, self._nodes_now)
+            await self._make_image(*plan)
             nursery.cancel_scope.cancel()
 
-    async def _make_image(self, job: Job, tables: SceneTables) -> None:
+    async def _make_image(self, job: Job, tables: SceneTables, dividing: Dividing) -> None:
         self._company = company = Company(self._host, job)
         try:
             with _Timed(self, "prepare"):
                 await company.ask(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
             if self._keep is not None:
                 await company.look()
-                self._digest = digest_of_scene(job.content, (digest_told(state.get("digest")) for state in company.states.values()))
+                self._digest = digest_of_pools(job, [company.states[node].get("digest") for node in job.nodes])
                 if self._keep.passes:
-                    _check_kept(self._keep, self._digest, job.numeric_class)
+                    self._keep.check(self._digest, job.numeric_class)
             self._phase = "rendering"
             with _Timed(self, "render"):
                 await self._film_before(job)
-                clock, fresh = self._host.world.clock, partial(fresh_cells, self._host, tables, self._algorithm, self._camera)
-                self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), clock, self._before, fresh)
+                clock = self._host.world.clock
+                self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), clock, self._before, dividing)
                 await company.tell({"go": True, "from": self._before})
         except NodesLost as lost:
             # Nothing is traced yet, and whoever wants the image may choose again who renders it.
@@ -386,17 +388,17 @@ class Organiser:
         """
         rule, attempts, company = rule_of(self._algorithm), self._attempts, self._company
         assert attempts is not None and company is not None
-        if rule is None or len(company.nodes) == 1:
+        if rule is None or all(len(pool) == 1 for pool in attempts.division.ranges):
             return None
-        moves = Moves(rule, attempts.partition, boxes[0], boxes[1:], before=self._told())
+        moves = DivisionMoves(rule, attempts.division, boxes[0], boxes[1:], before=self._told())
         world = self._host.world
         return Mover(moves, world.clock, world.workers, self._told, self._tell, self._left_s, self._noted_move, self._pace)
 
-    def _noted_move(self, partition: Partition, *, is_claimed: bool) -> None:
+    def _noted_move(self, division: Division, *, is_claimed: bool) -> None:
         assert self._attempts is not None and self._company is not None
-        self._attempts.newest_epoch = max(self._attempts.newest_epoch, partition.epoch)
+        self._attempts.newest_epoch = max(self._attempts.newest_epoch, division.epoch)
         if is_claimed:
-            self._attempts.partition = partition
+            self._attempts.division = division
             self._course.cells_moved(self._company.states_of(self._company.nodes))
 
     def _is_comeback_worth(self) -> bool:
@@ -475,15 +477,6 @@ class _Timed:
 
     def __exit__(self, *_: object) -> None:
         self._organiser.note_seconds(self._name, self._organiser.now() - self._begun)
-
-
-def _check_kept(keep: Keep, digest: bytes, numeric_class: str) -> None:
-    """LocalFault if the film to go on from is of another scene, or came about with other arithmetic."""
-    if keep.content != digest:
-        raise LocalFault("the scene is not the one that the kept render is of, or was changed", where="resume", remedy=_ANEW)
-    if keep.numeric_class != numeric_class:
-        what = f"the kept render is of the numeric class {keep.numeric_class:.80}, which is not that of the nodes"
-        raise LocalFault(what, where="resume", remedy=f"render with the same versions and processors, or {_ANEW}")
 
 
 def _boxes_of(tables: SceneTables) -> F64:

@@ -15,15 +15,14 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import whole
 from scenefold.base.reasons import RejectReason
 from scenefold.render.contract import Renderer, check_layers_written
-from scenefold.render.film_rows import row_bytes
 from scenefold.render.job import Job
-from scenefold.render.layers import image_bytes
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.films import Films
 from scenefold.render.pool.gathering import Gathering
 from scenefold.render.pool.hit_sample import HitSample
 from scenefold.render.pool.hold import Hold
 from scenefold.render.pool.host import Host
+from scenefold.render.pool.image_memory import image_needs
 from scenefold.render.pool.lasting import Lasting, MemberStatistics
 from scenefold.render.pool.levels import Gathered
 from scenefold.render.pool.member import Member
@@ -39,11 +38,6 @@ from scenefold.wire import AcknowledgeRays, CollectPass, FetchPreview, ImagePart
 from scenefold.world import DiskFailed, QuietLog
 
 _log = logging.getLogger("scenefold.render.pool")
-
-FILMS = 3
-"""Of a node among several: its own, the copy of another's, and what comes while films are gathered."""
-IMAGE_COPIES = 2
-"""Of the image, in memory at the end: its layers, and each of them as bytes. All of these together are its organiser's."""
 
 
 class Phase(Enum):
@@ -332,7 +326,7 @@ class Part:
                 **(self._sent_before if member is None else self._sent(member)),
                 "rays_received": statistics.rays_received,
                 "busy_seconds": statistics.busy_seconds,
-                "epoch": 0 if member is None else member.cell.partition.epoch,
+                "epoch": 0 if member is None else member.cell.epoch,
                 "late": statistics.late,
                 "away": [] if member is None else [[int(self._roster.nodes[place]), words] for place, words in member.away.items()],
                 "not_finite": statistics.counters[1],
@@ -383,8 +377,7 @@ class Part:
     def _promise_image(self) -> None:
         """LocalFault or Refused if the image is more than this node has memory for; found out later, it would end the node."""
         job = self.job
-        pixels, films = job.window.pixels, FILMS if len(job.nodes) > 1 else 1
-        needs = pixels * (films * row_bytes(job.columns) + (job.adaptive is not None)) + IMAGE_COPIES * image_bytes(job.layers, pixels)
+        needs = image_needs(job.window.pixels, job.layers, len(job.nodes), is_adaptive=job.adaptive is not None)
         remedy = "render it smaller, with fewer nodes on one machine"
         self._account.take("image", needs, f"an image of {job.window.width}x{job.window.height}", remedy)
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import NamedTuple
+
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
-from scenefold.partition import Partition
-from scenefold.render.algorithms import WHOLE, rule_of
+from scenefold.render.algorithms import rule_of
 from scenefold.render.contract import Renderer, check_layers_written
-from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job
 from scenefold.render.layers import image_bytes
 from scenefold.render.numbers import camera_numbers
+from scenefold.render.pool.budgets import budgets_of
+from scenefold.render.pool.dividing import Dividing, asks_budgets
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.kept_film import kept_bytes
 from scenefold.render.pool.promises import Account
@@ -21,8 +24,16 @@ from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 
 
-async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, account: Account) -> tuple[Job, SceneTables]:
-    """The job, and the scene's tables. LocalFault or Refused if it cannot be; `account`: of the memory that whoever organises it takes for that."""
+class Plan(NamedTuple):
+    """What an organiser begins with."""
+
+    job: Job
+    tables: SceneTables
+    dividing: Dividing
+
+
+async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, account: Account) -> Plan:
+    """LocalFault, Refused or Unreachable if it cannot be; `account`: of the memory that whoever organises it takes for that."""
     await host.compiled()
     options = request.options
     pixels = options.window.pixels
@@ -33,17 +44,14 @@ async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: 
         account.take("kept film", kept_bytes(pixels, options.columns), what, "render it without --resume, or smaller")
     async with host.reader(request.scene, request.genesis, keys, request.head) as reader:
         tables = await read_tables(reader, host.world.workers)
-    return await host.world.workers.run(LANE, _made, host, renderer, request, tables), tables
+    nodes = _nodes(host, request)
+    free = await budgets_of(host, nodes) if asks_budgets(options) else {}
+    return await host.world.workers.run(LANE, _made, host, renderer, request, tables, nodes, free)
 
 
-async def fresh_cells(host: Host, tables: SceneTables, algorithm: str, camera: str | None, nodes: int) -> Partition:
-    """Cells for so many nodes, by where geometry lies. `camera`: as it was asked for, and was there."""
-    known = tables.camera(camera)
-    assert known is not None
-    return await host.world.workers.run(LANE, first_cells, algorithm, nodes, tables, known)
-
-
-def _made(host: Host, renderer: Renderer, request: RenderRequest, tables: SceneTables) -> Job:
+def _made(
+    host: Host, renderer: Renderer, request: RenderRequest, tables: SceneTables, nodes: tuple[NodeId, ...], free: Mapping[NodeId, int]
+) -> Plan:
     options = request.options
     check_layers_written(renderer, options.layers)
     camera = tables.camera(options.camera)
@@ -53,9 +61,9 @@ def _made(host: Host, renderer: Renderer, request: RenderRequest, tables: SceneT
             f"the scene has no camera {options.camera!r}",
             remedy=f"choose one of: {names}; where none is named it is that of `scenectl scene settings`",
         )
-    nodes = _nodes(host, request)
-    partition = first_cells(options.algorithm, len(nodes), tables, camera)
-    return Job(
+    dividing = Dividing(host.world.workers, tables, options, camera, free, len(nodes))
+    division = dividing.first(nodes)
+    job = Job(
         id=request.job,
         scene=request.scene,
         genesis=request.genesis,
@@ -71,7 +79,8 @@ def _made(host: Host, renderer: Renderer, request: RenderRequest, tables: SceneT
         sky=options.sky,
         camera=camera_numbers(camera, options.width, options.height),
         nodes=nodes,
-        partition=partition,
+        partition=division.pools[0],
+        others=division.pools[1:],
         head=request.head,
         layers=options.layers,
         crop=options.crop,
@@ -82,8 +91,8 @@ def _made(host: Host, renderer: Renderer, request: RenderRequest, tables: SceneT
         mips=options.mips,
         keeps=request.keep is not None,
         moves=options.moving and len(nodes) > 1 and rule_of(options.algorithm) is not None,
-        whole=options.algorithm == WHOLE and len(nodes) > 1,
     )
+    return Plan(job, tables, dividing)
 
 
 def _nodes(host: Host, request: RenderRequest) -> tuple[NodeId, ...]:

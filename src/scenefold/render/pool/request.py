@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-from scenefold.base.errors import PeerFault
+from scenefold.base.errors import LocalFault, PeerFault
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.plain_values import exactly, flag, number, text, whole
 from scenefold.render.job import HASH_BYTES, RenderOptions, layers_of_row
@@ -23,6 +23,7 @@ from scenefold.wire import Value, pack_value
 
 WORD = -(2**63), 2**64 - 1
 """Whole numbers of the wire. What is out of an option's own range is told with the option's name (`RenderOptions.check`)."""
+_ANEW = "remove the file of the kept render to begin anew"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,14 @@ class Keep:
     def row(self) -> list[int | bytes | str]:
         """Plain values."""
         return [self.passes, self.content, self.numeric_class]
+
+    def check(self, digest: bytes, numeric_class: str) -> None:
+        """LocalFault if the film is of another scene than this one, or came about with other arithmetic."""
+        if self.content != digest:
+            raise LocalFault("the scene is not the one that the kept render is of, or was changed", where="resume", remedy=_ANEW)
+        if self.numeric_class != numeric_class:
+            what = f"the kept render is of the numeric class {self.numeric_class:.80}, which is not that of the nodes"
+            raise LocalFault(what, where="resume", remedy=f"render with the same versions and processors, or {_ANEW}")
 
     @classmethod
     def of_row(cls, row: Any) -> Self | None:
@@ -120,6 +129,7 @@ def options_document(options: RenderOptions) -> dict[str, Value]:
         "environment_rotation": float(options.environment_rotation),
         "adaptive": None if options.adaptive is None else options.adaptive.row(),
         "mips": options.mips,
+        "pools": options.pools,
     }
 
 
@@ -144,6 +154,7 @@ def options_of(document: dict[str, Any]) -> RenderOptions:
         environment_rotation=number(document.get("environment_rotation", 0.0)),
         adaptive=Adaptive.of_row(document["adaptive"]),
         mips=flag(document.get("mips", True)),
+        pools=whole(document.get("pools", 1), *WORD),
     )
 
 

@@ -16,6 +16,7 @@ from scenefold.crypto import node_named
 from scenefold.render.contract import Renderer, load_renderer
 from scenefold.render.job import Job
 from scenefold.render.layers import image_bytes
+from scenefold.render.pool.budgets import budget_document
 from scenefold.render.pool.hold import LOOK_S
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.mover import USUAL_PACE, Pace
@@ -183,6 +184,8 @@ class RenderService:
         elif peer.startswith("user:"):
             part = self._parts.get(packet.job)
             state = {**self._organiser(packet.job, peer).state(), "preview": 0 if part is None else part.previewing.newest}
+        elif packet.job == ALL_JOBS:
+            state = budget_document(self.promises.most - self.promises.held)
         else:
             part, _ = self._part_with(packet.job, peer)
             if self._parts.asker(packet.job) == peer:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol
@@ -13,6 +13,7 @@ from scenefold.base.errors import DamagedData, LocalFault
 from scenefold.base.ids import SpaceId
 from scenefold.base.location import Location
 from scenefold.partition import Partition
+from scenefold.partition.division import Division
 from scenefold.render.arrays import JobNumbers
 from scenefold.render.content import Share, held_textures, scene_arrays, share_of
 from scenefold.render.contract import HeldGroup, HeldScene
@@ -31,7 +32,6 @@ LANE = "render"
 FILM_LANE = "film"
 """Worker threads that add up passes and films, which must not wait behind a tracer."""
 
-EVERYTHING = Partition.voronoi([[0.0, 0.0, 0.0]])
 TRIANGLE_BYTES = 200
 """Of a stored triangle: its part of vertices and attributes, itself, and trees (docs/benchmarks.md, *What instances save*)."""
 TEXEL_BYTES = 6
@@ -76,9 +76,10 @@ async def read_tables(reader: SceneReader, workers: Workers) -> SceneTables:
     return await workers.run(LANE, SceneTables.from_payloads, document, pages)
 
 
-def held_by(job: Job, partition: Partition, place: int) -> tuple[Partition, int]:
-    """The cells, and the place among them, by which a node of a job holds geometry, and traces: of a whole scene there is one."""
-    return (EVERYTHING, 0) if job.whole else (partition, place)
+def held_by(division: Division, place: int) -> tuple[Partition, int]:
+    """The cells, and the place among them, by which a node holds geometry, and traces: who is a pool of its own holds all of space."""
+    pool = division.pool_at(place)
+    return division.pools[pool], place - division.ranges[pool].start
 
 
 class Promise(Protocol):
@@ -93,19 +94,21 @@ def promise_anything(needs: int, what: str, remedy: str) -> None:
     """Nobody counts."""
 
 
-def promise_whole(tables: SceneTables, promise: Promise) -> None:
-    """Of a node that holds all of a scene, by a rough estimate."""
-    texels = sum(texture.width * texture.height for texture in tables.textures)
-    needs = TRIANGLE_BYTES * int(tables.groups.triangles.sum()) + TEXEL_BYTES * texels
-    promise(needs, "the whole scene", "render it with cells (another --algorithm than whole)")
-
-
-def promise_cell(tables: SceneTables, share: Share, textures: Sequence[int], promise: Promise) -> None:
-    """Of a node that holds a cell, and these textures of what is in it, by a rough estimate."""
+def bytes_of(tables: SceneTables, share: Share, textures: Iterable[int]) -> tuple[int, int, int]:
+    """What a node takes that holds a share of a scene, with these textures, by a rough estimate: bytes, triangles, texels."""
     triangles = int(tables.groups.triangles[np.array(share.groups, np.int64)].sum(dtype=np.int64))
     texels = sum(tables.textures[texture].width * tables.textures[texture].height for texture in textures)
-    needs = TRIANGLE_BYTES * triangles + TEXEL_BYTES * texels
-    promise(needs, f"a cell with {triangles} triangles and {texels} texels of the scene", "render it with more nodes")
+    return TRIANGLE_BYTES * triangles + TEXEL_BYTES * texels, triangles, texels
+
+
+def _promise(division: Division, me: int, needs: tuple[int, int, int], promise: Promise) -> None:
+    size, triangles, texels = needs
+    if len(division.pools) == 1:
+        promise(size, f"a cell with {triangles} triangles and {texels} texels of the scene", "render it with more nodes")
+    elif held_by(division, me)[0].nodes > 1:
+        promise(size, f"a cell with {triangles} triangles and {texels} texels of the scene", "render it in fewer pools (--pools)")
+    else:
+        promise(size, "the whole scene", "render it in fewer pools (--pools), with another --algorithm than whole")
 
 
 async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int, promise: Promise = promise_anything) -> LoadedShare:
@@ -113,18 +116,15 @@ async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int, p
     tables = await read_tables(reader, workers)
     if tables.document.digest != job.content:
         raise DamagedData("the scene changed since the job was made", remedy="start the render again")
-    share = await workers.run(LANE, share_of, tables, *held_by(job, job.partition, me))
-    if job.whole:
-        promise_whole(tables, promise)
-    else:
-        promise_cell(tables, share, (), promise)
+    division = job.division
+    share = await workers.run(LANE, share_of, tables, *held_by(division, me))
+    _promise(division, me, bytes_of(tables, share, ()), promise)
     locations = [location for group in share.groups for location in tables.groups.locations(group)]
     payloads = await reader.get_many(GEOMETRY, locations)
     atoms = await workers.run(LANE, _decode_groups, tables, share, payloads)
     bytes_read = sum(len(payload) for payload in payloads if payload is not None)
     textures = held_textures(tables, atoms)
-    if not job.whole:
-        promise_cell(tables, share, textures, promise)
+    _promise(division, me, bytes_of(tables, share, textures), promise)
     spots = [location for texture in textures for location in tables.textures[texture].tiles]
     tile_payloads = await reader.get_many(TEXTURES, spots)
     tiles = await workers.run(LANE, _decode_tiles, tables, textures, tile_payloads)
@@ -150,9 +150,7 @@ def _digest(
     following, following_tiles = iter(payloads), iter(tile_payloads)
     by_group = {int(group): list(islice(following, len(tables.groups.locations(group)))) for group in share.groups}
     by_texture = {number: list(islice(following_tiles, len(tables.textures[number].tiles))) for number in textures}
-    # Where all nodes hold everything, too, each tells of what its cell would have.
-    held = share_of(tables, job.partition, me).groups if job.whole else share.groups
-    groups = own_groups(tables, job.partition, me, held)
+    groups = own_groups(tables, *held_by(job.division, me), share.groups)
     return sum_of_groups(tables, groups, by_group, atoms, by_texture)
 
 

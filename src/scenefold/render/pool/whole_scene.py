@@ -10,9 +10,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 
-from scenefold.base.errors import PeerFault
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
 from scenefold.render.content import share_of, worn_textures
+from scenefold.render.job import Job
 from scenefold.scene.payloads.geometry import GeometryAtom
 from scenefold.scene.tables import SceneTables
 
@@ -47,6 +49,15 @@ def digest_told(value: object) -> bytes:
     if not isinstance(value, bytes) or len(value) != DIGEST_BYTES:
         raise PeerFault("a node tells no digest of what it holds")
     return value
+
+
+def digest_of_pools(job: Job, told: Sequence[object]) -> bytes:
+    """Of a job's scene, by what all of its nodes told, in their order. Refused (16) if two pools have read different ones."""
+    sums = [digest_told(value) for value in told]
+    digests = {digest_of_scene(job.content, sums[places.start : places.stop]) for places in job.division.ranges}
+    if len(digests) > 1:
+        raise Refused(RejectReason.NOT_READY, "the scene was changed while nodes read it", remedy="start the render again")
+    return digests.pop()
 
 
 def digest_of_scene(content: bytes, sums: Iterable[bytes]) -> bytes:

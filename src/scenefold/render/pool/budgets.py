@@ -1,0 +1,51 @@
+"""How much memory nodes have for another render: an organiser asks them before it forms pools (specs/36-render-pools.md, *Forming*)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import trio
+
+from scenefold.base.errors import PeerFault
+from scenefold.base.ids import NodeId, address_of
+from scenefold.base.plain_values import whole
+from scenefold.render.pool.host import Host
+from scenefold.render.pool.unattended import ALL_JOBS
+from scenefold.wire import JobState, JobStateReply, Value, unpack_value
+from scenefold.world import leaves
+
+ASK_S_MAX = 30.0
+
+
+async def budgets_of(host: Host, nodes: Sequence[NodeId]) -> dict[NodeId, int]:
+    """Bytes, of each node. Unreachable or Refused if one does not answer, PeerFault for an answer that is none."""
+    free: dict[NodeId, int] = {}
+
+    async def ask(node: NodeId) -> None:
+        free[node] = budget_told(await host.ask(node, JobState(job=ALL_JOBS), ASK_S_MAX), address_of(node))
+
+    try:
+        async with trio.open_nursery() as nursery:
+            for node in nodes:
+                nursery.start_soon(ask, node)
+    except BaseExceptionGroup as group:
+        raise next(leaves(group)) from None
+    return free
+
+
+def budget_document(free: int) -> dict[str, Value]:
+    """What a node answers that has so many bytes."""
+    return {"memory": max(0, free)}
+
+
+def budget_told(reply: object, where: str) -> int:
+    """What `budget_document` says, as it came. PeerFault for anything else."""
+    if not isinstance(reply, JobStateReply):
+        raise PeerFault(f"{type(reply).__name__} is no answer to JobState", where=where)
+    document = unpack_value(reply.document, what="a node's memory")
+    try:
+        if not isinstance(document, dict):
+            raise TypeError("a map is expected")
+        return whole(document["memory"], 0, 2**63 - 1)
+    except (KeyError, TypeError, ValueError) as error:
+        raise PeerFault("a node does not say how much memory it has", where=where) from error
