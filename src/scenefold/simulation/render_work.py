@@ -24,7 +24,7 @@ from scenefold.client.calls import Calls
 from scenefold.render.anew import Begun
 from scenefold.render.choice import Renderers
 from scenefold.render.client import begun_until_it_is
-from scenefold.render.job import RenderOptions
+from scenefold.render.job import POOLS_THAT_FIT, RenderOptions
 from scenefold.render.layers import unpacked
 from scenefold.render.levels import Adaptive
 from scenefold.render.one_image import OneImage
@@ -47,6 +47,8 @@ ALGORITHMS = ("bounded-radial", "kd", "power", "planar", "swarming", "voronoi")
 CROPS, MOVES, ADAPTIVE, UNATTENDED, INTERRUPTED = 0.2, 0.8, 0.25, 0.2, 0.15
 """Shares of renders that make a part of the image, whose cells may move, of which noisy pixels go on for longer than others, whose client goes away
 meanwhile, and that their client ends before they are done."""
+POOLS = (1, 1, 2, POOLS_THAT_FIT)
+"""In which of these the nodes stand the image's seed says."""
 INTERRUPTED_S = (0.2, 6.0)
 NOISES, FIRST_LEVELS = (0.1, 0.15, 0.2), (4, 8)
 """Errors of pixels that go on no more: a few samples are enough for some, and as many as there are for few."""
@@ -185,11 +187,13 @@ class RenderClient:
         if dice.random() < CROPS:
             x, y = dice.randrange(width), dice.randrange(height)
             crop = Window(x, y, dice.randint(1, width - x), dice.randint(1, height - y))
+        seed = dice.getrandbits(63)
         return RenderOptions(
             width=width,
             height=height,
             samples=samples,
-            seed=dice.getrandbits(63),
+            seed=seed,
+            pools=POOLS[seed % len(POOLS)],
             layers=("albedo", "samples") if dice.random() < 0.5 else ("samples",),
             algorithm=dice.choice(ALGORITHMS),
             moving=dice.random() < MOVES,

@@ -40,10 +40,13 @@ def test_nobody_has_traced_anything() -> None:
     ]
 
 
-def test_without_cells_each_has_all_of_the_scene() -> None:
-    whole = [look._replace(stand=replace(look.stand, document={"options": {"algorithm": "whole"}})) for look in (FIRST, SECOND)]
-    same = [look._replace(nodes=[replace(node, triangles=300) for node in look.nodes]) for look in whole]
+def test_each_pool_has_all_of_the_scene() -> None:
+    two = [look._replace(stand=replace(look.stand, document={"pools": 2})) for look in (FIRST, SECOND)]
+    same = [look._replace(nodes=[replace(node, triangles=300) for node in look.nodes]) for look in two]
     assert [row[1] for row in rows_of(*same)] == ["100%", "100%"]
+    assert [row[1] for row in rows_of(*two)] == ["150%", "50%"], "they hold some of it twice"
+    for pools in (0, -1, 1.5, 2**70, "2", None):
+        assert replace(FIRST.stand, document={"pools": pools}).pools == 1
 
 
 def test_the_screen_has_all_of_it() -> None:
