@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenefold.render.arrays import U32
+from scenefold.render.arrays import NOTHING_KNOWN, U32
 from scenefold.render.generate_kernels import SCRATCH_WORDS
 from scenefold.render.job import Job
 from scenefold.render.kit.rig import Flight, Rendered
@@ -29,7 +29,8 @@ class Rig(KitRig):
         numbers, owners = job_numbers(job, self.tables), np.empty(len(rays), np.int32)
         partition, zero = job.partition, np.int32(0)
         scratch = np.empty(SCRATCH_WORDS, np.uint32)
-        find_owners(rays, np.int32(partition.family), partition.kernel_data(), numbers.box_low, numbers.box_high, zero, owners, scratch)
+        cells = np.int32(partition.family), partition.kernel_data(), NOTHING_KNOWN
+        find_owners(rays, *cells, numbers.box_low, numbers.box_high, zero, owners, scratch)
         with self.opened(job) as scenes:
             flight = Flight([scene.tracers(1)[0] for scene in scenes], 0, len(rays), job.columns)
             flight.land({int(node): rays[owners == node] for node in np.unique(owners)})

@@ -18,6 +18,7 @@ I64 = npt.NDArray[np.int64]
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 U32 = npt.NDArray[np.uint32]
+U64 = npt.NDArray[np.uint64]
 
 
 class MaterialColumn:
@@ -205,6 +206,26 @@ class SceneArrays(NamedTuple):
     """Whether an emitter of the scene has one: all nodes hold these textures."""
     emitter_reach: F32
     """[emitters]: how far each reaches, in the world, as `surface_kernels.reach_at` has it of a hit: what the end of a shadow ray is held off by."""
+
+
+class EmptySpace(NamedTuple):
+    """Where the job's box is known to be empty (`scenefold.partition.occupancy`)."""
+
+    reach: U8
+    """[128, 128, 128]: voxels of the first grid from each to the next occupied one; [0, 128, 128]: nothing is known."""
+    second: U64
+    """[128, 128, 2], the second grid."""
+    low: F64
+    """[3]"""
+    high: F64
+    per_voxel: F64
+    shift: F64
+    """[2]"""
+
+
+NOTHING_KNOWN = EmptySpace(
+    np.zeros((0, 128, 128), np.uint8), np.zeros((128, 128, 2), np.uint64), np.zeros(3), np.ones(3), np.ones(3), np.zeros(2)
+)
 
 
 class JobNumbers(NamedTuple):

@@ -73,6 +73,13 @@ def shares_of(tables: SceneTables, partition: Partition, nodes: Sequence[int]) -
     return [_share(tables, instances, groups, overlaps[node]) for node in nodes]
 
 
+def pairs_of(tables: SceneTables, partition: Partition, me: int) -> tuple[I64, I64]:
+    """The (instance, group) pairs that node `me` of a partition must hold: instances and groups, int64[k] each."""
+    instances, groups, low, high = pair_boxes(tables)
+    mine = partition.overlaps(low, high, cell_margin(tables))[me]
+    return instances[mine], groups[mine]
+
+
 def _share(tables: SceneTables, instances: I64, groups: I64, mine: npt.NDArray[np.bool_]) -> Share:
     return Share(
         tuple(int(group) for group in np.unique(groups[mine])),

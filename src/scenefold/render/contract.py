@@ -15,7 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from scenefold.base.errors import LocalFault
 from scenefold.partition import Partition
-from scenefold.render.arrays import F32, U32, JobNumbers, SceneArrays
+from scenefold.render.arrays import F32, U32, EmptySpace, JobNumbers, SceneArrays
 from scenefold.render.layers import columns_of
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.sum_columns import PLAIN, SumColumns
@@ -83,6 +83,15 @@ class RoutingTracer(Tracer, Protocol):
 
         Called in any thread, also while this tracer is at work in another one.
         """
+        ...
+
+
+@runtime_checkable
+class SkippingTracer(RoutingTracer, Protocol):
+    """A tracer that can pass rays over cells in which they meet nothing (specs/28-rebalancing.md, Empty space). No renderer needs to."""
+
+    def skip(self, empty: EmptySpace) -> None:
+        """Do so from now on; nothing is traced meanwhile."""
         ...
 
 

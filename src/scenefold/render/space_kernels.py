@@ -55,6 +55,15 @@ def step_after(t, t_in, t_out, step):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
+def step_before(t, t_in, t_out, step):  # type: ignore[no-untyped-def]
+    """The last step at or before t, at least `step`, at most 65534: what is done up to t is done up to there."""
+    span = t_out - t_in
+    if not span > 0.0:
+        return step
+    return min(max(int(math.floor((t - t_in) / span * _STEPS)), step), 65534)
+
+
+@njit(error_model="numpy", _nrt=False, forceinline=True)
 def diagonal_of_box(low, high):  # type: ignore[no-untyped-def]
     """The length of a box's diagonal."""
     x, y, z = high[0] - low[0], high[1] - low[1], high[2] - low[2]

@@ -86,6 +86,7 @@ def _render(algorithm: Algorithm) -> None:
     from scenefold.render.job import Job
     from scenefold.render.layers import USUAL
     from scenefold.render.numbers import camera_numbers, job_box, job_numbers
+    from scenefold.render.occupied import empty_space, occupied_by
     from scenefold.render.pass_sums import PassSums
     from scenefold.render.sealed_keys import NO_KEYS
     from scenefold.scene.importers.plan import ImportPlan
@@ -124,7 +125,9 @@ def _render(algorithm: Algorithm) -> None:
         tiles = {number: [decode_tile(records[TEXTURES, place]) for place in tables.textures[number].tiles] for number in worn}
         held = tuple(HeldGroup(g, int(tables.groups.prototypes[g]), int(tables.groups.triangles[g])) for g in share.groups)
         instances = tuple((number, int(tables.instances.prototypes[number])) for number in share.instances)
-        opened.append(renderer.open(HeldScene(scene_arrays(tables, atoms, tiles), held, instances), numbers, partition, me))
+        arrays = scene_arrays(tables, atoms, tiles)
+        empty_space(tables, occupied_by(tables, arrays, partition, me))
+        opened.append(renderer.open(HeldScene(arrays, held, instances), numbers, partition, me))
     tracers = [scene.tracers(1)[0] for scene in opened]
     size = job.plan.size(0)
     sums = [PassSums.zeros(size) for _ in tracers]

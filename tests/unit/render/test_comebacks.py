@@ -31,7 +31,7 @@ class Stage:
         self.away: set[NodeId] = set()
         self.asked: list[tuple[float, NodeId, type[Packet]]] = []
         self.is_worth = True
-        self.comebacks = Comebacks(cast(Host, self), JOB, lambda: self.lost, lambda: self.is_worth)
+        self.comebacks = Comebacks(cast(Host, self), JOB, lambda: self.lost, lambda: self.is_worth, {"go": True})
 
     async def ask(self, node: NodeId, packet: Packet, timeout_s: float) -> Packet:
         self.asked.append((trio.current_time(), node, type(packet)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from scenefold.partition import Partition
 from scenefold.render.arrays import F64
-from scenefold.render.contract import Renderer, RoutingTracer
+from scenefold.render.contract import Renderer, RoutingTracer, SkippingTracer
 from scenefold.render.image_files import image_sha256
 from scenefold.render.kit.expecting import expect, expect_nothing_lost
 from scenefold.render.kit.furnace import inside_of_a_glowing_sphere
@@ -80,6 +80,23 @@ def any_moves(renderer: Renderer) -> None:
     moved, whole = rig.run_moving(job, cells), rig.run(job)
     paths = int((moved != whole.radiance).any(axis=1).sum())
     expect(paths == 0, f"cells that move: {paths} of {len(moved)} paths have another radiance")
+
+
+def any_empty_space(renderer: Renderer) -> None:
+    """Rays that are passed over cells in which they meet nothing, if the renderer's tracers can do that: fewer are passed on, to the same end."""
+    rig = _room(renderer)
+    alone = rig.render(nodes=1, sky=SKY)
+    for algorithm in ("voronoi", "bounded-radial", "kd"):
+        job = rig.job(algorithm, 8, sky=SKY)
+        with rig.opened(job) as scenes:
+            if not isinstance(scenes[0].tracers(1)[0], SkippingTracer):
+                return
+        passed, skipped = rig.run(job), rig.run(job, skips=True)
+        expect_same(skipped, alone, f"8 nodes, {algorithm}, empty cells skipped")
+        expect(
+            skipped.passed < passed.passed,
+            f"8 nodes, {algorithm}: {skipped.passed} rays are passed on, and {passed.passed} if none is skipped",
+        )
 
 
 def any_batches(renderer: Renderer) -> None:
@@ -192,6 +209,7 @@ BIT = {
     "any number of nodes": any_number_of_nodes,
     "any cells": any_cells,
     "any moves": any_moves,
+    "any empty space": any_empty_space,
     "any batches": any_batches,
     "any size": any_size,
     "any threads": any_threads,

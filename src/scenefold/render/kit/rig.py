@@ -16,15 +16,16 @@ import numpy.typing as npt
 from scenefold.base.ids import NodeId, SceneId
 from scenefold.base.limits import PASS_PATHS_MAX
 from scenefold.partition import Partition
-from scenefold.render.arrays import F32, I32, I64, U32
+from scenefold.render.arrays import F32, I32, I64, NOTHING_KNOWN, U32, EmptySpace
 from scenefold.render.content import held_textures, scene_arrays, share_of
-from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Renderer, RoutingTracer, Tracer
+from scenefold.render.contract import HeldGroup, HeldScene, OpenScene, Renderer, RoutingTracer, SkippingTracer, Tracer
 from scenefold.render.developing import develop
 from scenefold.render.film import Film
 from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.layers import Pixels, in_order
 from scenefold.render.numbers import camera_numbers, depth_of_box, job_box, job_numbers
+from scenefold.render.occupied import empty_space, occupied_by, packed_grids, united, unpacked_grids
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.sealed_keys import NO_KEYS
 from scenefold.render.sum_columns import SumColumns
@@ -145,14 +146,24 @@ class Rig:
         """The whole job."""
         return self.run(self.job(algorithm, nodes, partition, **options))
 
-    def run(self, job: Job, shuffle: np.random.Generator | None = None, piece: int = 1 << 30) -> Rendered:
-        """The whole job; with `shuffle`, batches are mixed and cut into pieces of at most `piece` rays."""
+    def empty_space(self, partition: Partition) -> EmptySpace:
+        """As nodes find it together."""
+        nodes = range(partition.nodes)
+        told = (packed_grids(occupied_by(self.tables, self.held(partition, me).arrays, partition, me)) for me in nodes)
+        return empty_space(self.tables, unpacked_grids(united(told)))
+
+    def run(self, job: Job, shuffle: np.random.Generator | None = None, piece: int = 1 << 30, *, skips: bool = False) -> Rendered:
+        """The whole job; with `shuffle`, batches are mixed and cut into pieces of at most `piece` rays. `skips`: over cells that are empty."""
         nodes, plan = len(job.nodes), job.plan
         stride = job_numbers(job, self.tables).stride
         film, radiance, aovs = Film(job.window.width, job.window.height, job.columns), [], []
         counters, passed, casts = np.zeros(3, np.int64), 0, 0
         with self.opened(job) as scenes:
             tracers = [scene.tracers(1)[0] for scene in scenes]
+            empty = self.empty_space(job.partition) if skips else NOTHING_KNOWN
+            for tracer in tracers:
+                if skips and isinstance(tracer, SkippingTracer):
+                    tracer.skip(empty)
             for number in range(plan.count):
                 first, count = plan.first_path(number), plan.size(number)
                 assert count <= PASS_PATHS_MAX

@@ -15,7 +15,7 @@ from scenefold.render.pool.company import ASK_S_MAX
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.telling import error_of
-from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, pack_value
+from scenefold.wire import CancelJob, JobAnswer, JobEvent, JobState, JobStateReply, Packet, StartJob, Value, pack_value
 
 LOOK_S = 2.0
 LOOK_S_MAX = 16.0
@@ -44,8 +44,11 @@ class _Away:
 class Comebacks:
     """Of one job. `lost`: those of its nodes that take no part. `is_worth`: whether so much is left to do that they should again."""
 
-    def __init__(self, host: Host, job: Job, lost: Callable[[], Collection[NodeId]], is_worth: Callable[[], bool]) -> None:
-        self._host, self._job, self._lost, self._is_worth = host, job, lost, is_worth
+    def __init__(
+        self, host: Host, job: Job, lost: Callable[[], Collection[NodeId]], is_worth: Callable[[], bool], begins: dict[str, Value]
+    ) -> None:
+        """`begins`: what all nodes were told when they began."""
+        self._host, self._job, self._lost, self._is_worth, self._begins = host, job, lost, is_worth, begins
         self._away: dict[NodeId, _Away] = {}
         self._joined: dict[NodeId, float] = {}
         self._rests: dict[NodeId, float] = {}
@@ -112,7 +115,7 @@ class Comebacks:
         job = self._job.id
         await self._ask(node, CancelJob(job=job), ASK_S_MAX)
         await self._ask(node, StartJob(job=job, document=self._job.to_bytes()), PREPARE_S_MAX)
-        await self._ask(node, JobEvent(job=job, document=pack_value({"go": True, "from": 0})), ASK_S_MAX)
+        await self._ask(node, JobEvent(job=job, document=pack_value({**self._begins, "from": 0})), ASK_S_MAX)
 
     async def _ask(self, node: NodeId, packet: Packet, timeout_s: float) -> None:
         answer = await self._host.ask(node, packet, timeout_s)

@@ -13,6 +13,7 @@ from scenefold.base.errors import PeerFault, Refused, ScenefoldError, Unreachabl
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import text, whole
 from scenefold.base.reasons import RejectReason
+from scenefold.partition.division import Division
 from scenefold.render.arrays import F32
 from scenefold.render.job import Job
 from scenefold.render.pool.hit_sample import hits_of_bytes
@@ -71,11 +72,20 @@ class Company:
         self.hits: dict[NodeId, F32] = {}
         self.done: dict[NodeId, Value] = {}
         """The passes in each node's film, while an attempt is held; too many for what clients are told."""
+        self.occupied: dict[NodeId, Value] = {}
+        """Where each node holds something, before it traces."""
 
     @property
     def nodes(self) -> tuple[NodeId, ...]:
         """Those that take part."""
         return self.roster.nodes
+
+    def take_occupied(self, division: Division) -> list[Value]:
+        """What the nodes of a pool told of where they hold something, which together is all of the scene; empty if some of each pool told nothing."""
+        told = [self.occupied.get(node) for node in self.nodes]
+        self.occupied.clear()
+        pools = ([told[place] for place in places] for places in division.ranges)
+        return next((pool for pool in pools if all(pool)), [])
 
     def is_back(self, node: NodeId) -> None:
         """It counts from nothing; what it had told before it was lost is not forgotten."""
@@ -139,6 +149,7 @@ class Company:
                 return
             away.extend(Apart(node, other, words) for other, words in _away(state.pop("away", [])) if other in self.nodes)
             self.done[node] = state.pop("film", None)
+            self.occupied[node] = state.pop("occupied", None)
             hits = state.pop("hits", None)
             if self._job.moves and hits is not None:
                 self.hits[node] = hits_of_bytes(hits, len(self._job.nodes))

@@ -17,6 +17,7 @@ from scenefold.render.content import share_of
 from scenefold.render.contract import MovableScene, OpenScene, Renderer, RoutingTracer
 from scenefold.render.job import Job
 from scenefold.render.pool.cell import Cell
+from scenefold.render.pool.emptiness import Emptiness
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.promises import Account
@@ -43,6 +44,7 @@ class Moving:
         self._opened_count = 0
         self._place, self._places = me, len(job.nodes)
         self.held: Held | None = None
+        self.emptiness = Emptiness(host.world.workers)
         self.bytes_read = 0
         """Of the scene, so far."""
         self._next: Held | None = None
@@ -57,8 +59,14 @@ class Moving:
 
     async def open(self) -> Held:
         """The job's first cell; the scene's keys are needed for as long as this takes."""
-        self.held = await self._opened(self._job.division, self._place)
-        return self.held
+        self.held = held = await self._opened(self._job.division, self._place)
+        await self.emptiness.find(held.loaded, *held_by(held.cell.division, self._place), held.cell.tracers)
+        return held
+
+    async def see(self, occupied: object) -> None:
+        """Where any node holds something. PeerFault if that is ill-formed."""
+        now = self._now()
+        await self.emptiness.see(occupied, now.loaded, now.cell.tracers)
 
     def take_place(self, place: int, places: int) -> None:
         """In a new attempt. Nothing is traced before a cell of it is claimed."""
@@ -163,6 +171,7 @@ class Moving:
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)
         if holds and isinstance(now.scene, MovableScene):
             tracers = await self._host.world.workers.run(LANE, now.scene.tracers_in, cells, mine, self._host.render_threads)
+            self.emptiness.use_in(tracers)
             return Held(Cell(division, place, tracers), now.loaded, now.scene, now.promise)
         return await self._opened(division, place)
 
@@ -183,6 +192,7 @@ class Moving:
         async with host.reader(job.scene, job.genesis, host.opened(job.keys, job.genesis, job.id), job.head) as reader:
             loaded = await load_share(reader, host.world.workers, job, place, partial(self._account.take, promise))
         self.bytes_read += loaded.bytes_read
+        await self.emptiness.check(loaded, *held_by(division, place))
         scene = await host.world.workers.run(LANE, self._renderer.open, loaded.held, loaded.numbers, *held_by(division, place))
         if self._is_over:
             await host.world.workers.run(LANE, scene.close)
@@ -194,6 +204,7 @@ class Moving:
                 "the renderer's rays depend on what is traced with them, so paths cannot be dealt",
                 remedy="render in one pool, or on one node",
             )
+        self.emptiness.use_in(tracers)
         return Held(Cell(division, place, tracers), loaded, scene, promise)
 
     async def _close(self, held: Held) -> None:

@@ -28,6 +28,7 @@ from scenefold.render.film import EVERY_ROW, Film
 from scenefold.render.job import Job
 from scenefold.render.layers import image_bytes, packed
 from scenefold.render.numbers import depth_of_box, job_box
+from scenefold.render.occupied import united
 from scenefold.render.pool.attempts import Attempts, or_changed
 from scenefold.render.pool.comebacks import Comebacks
 from scenefold.render.pool.company import ASK_S_MAX, Company, NodesBack, NodesLost
@@ -249,8 +250,12 @@ class Organiser:
         try:
             with _Timed(self, "prepare"):
                 await company.ask(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
-            if self._keep is not None:
+            begins: dict[str, Value] = {"go": True, "from": self._before}
+            if self._keep is not None or any(len(pool) > 1 for pool in job.division.ranges):
                 await company.look()
+            if told := company.take_occupied(job.division):
+                begins["occupied"] = await self._host.world.workers.run(LANE, united, told)
+            if self._keep is not None:
                 self._digest = digest_of_pools(job, [company.states[node].get("digest") for node in job.nodes])
                 if self._keep.passes:
                     self._keep.check(self._digest, job.numeric_class)
@@ -259,12 +264,12 @@ class Organiser:
                 await self._film_before(job)
                 clock = self._host.world.clock
                 self._attempts = attempts = Attempts(job, company, lambda: self._own_part(job.id), clock, self._before, dividing)
-                await company.tell({"go": True, "from": self._before})
+                await company.tell(begins)
         except NodesLost as lost:
             # Nothing is traced yet, and whoever wants the image may choose again who renders it.
             raise lost.error from None
         boxes = await self._host.world.workers.run(LANE, _boxes_of, tables) if job.moves else None
-        self._comebacks = Comebacks(self._host, job, lambda: attempts.missing, self._is_comeback_worth)
+        self._comebacks = Comebacks(self._host, job, lambda: attempts.missing, self._is_comeback_worth, begins)
         async with trio.open_nursery() as nursery:
             nursery.start_soon(self._comebacks.run)
             while (change := await or_changed(partial(self._attempt, job, boxes))) is not None:

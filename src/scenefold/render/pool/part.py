@@ -151,8 +151,13 @@ class Part:
         """Whether it held its share at some time."""
         return self._was_ready
 
-    def go(self, first: object) -> None:
-        """All nodes are ready: trace, the passes below `first` being closed already. PeerFault if that is no pass."""
+    async def go(self, first: object, occupied: object) -> None:
+        """All nodes are ready: trace, the passes below `first` being closed already. `occupied`: where they hold something, if that is known.
+
+        PeerFault if that is no pass, or no such thing.
+        """
+        if occupied is not None:
+            await self._moving.see(occupied)
         self.member().skip(self._number(first))
         self.hold.go()
         self._go.set()
@@ -310,6 +315,8 @@ class Part:
                 "digest": self._digest,
                 "prepare_seconds": self._prepare_seconds,
             }
+            if self._moving.emptiness.told and self.phase is Phase.READY:
+                document["occupied"] = self._moving.emptiness.told
         member = self._member
         if member is not None or self.phase is Phase.HELD:
             statistics = self._lasting.statistics

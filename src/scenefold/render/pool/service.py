@@ -342,7 +342,7 @@ class RenderService:
 async def _obey(part: Part, organiser: NodeId, document: dict[str, Any]) -> None:
     """What the organiser says of a job."""
     if document.get("go") is True:
-        part.go(document.get("from", 0))
+        await part.go(document.get("from", 0), document.get("occupied"))
     elif "level" in document:
         part.on_level(document)
     elif "until" in document:

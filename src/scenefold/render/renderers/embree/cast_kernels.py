@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
+from scenefold.partition.empty_walk_kernels import first_met
 from scenefold.partition.kernels import exit_after, owner_ahead
 from scenefold.render.lanes_kernels import LANES
 from scenefold.render.pixel_kernels import pixel_of
@@ -39,7 +40,7 @@ from scenefold.render.renderers.embree.filter_kernels import (
 from scenefold.render.renderers.embree.memory_kernels import call_with_3, load_i64, load_u32, prefetch
 from scenefold.render.renderers.embree.own_box_kernels import own_box_entry
 from scenefold.render.shade_kernels import STATUS_DEAD, STATUS_FORWARD, STATUS_FREE, STATUS_HIT
-from scenefold.render.space_kernels import box_span, step_after, t_of_step
+from scenefold.render.space_kernels import box_span, step_after, step_before, t_of_step
 
 _INVOKE_ARGUMENT_FILTER = np.uint32(2)
 _PAD = 2.0**-20
@@ -279,10 +280,11 @@ def cast_batch(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def find_owners(rays, family, cells, low, high, me, owners, scratch):  # type: ignore[no-untyped-def]
-    """Which node casts each ray next: the owner of the place up to which it is done.
+def find_owners(rays, family, cells, empty, low, high, me, owners, scratch):  # type: ignore[no-untyped-def]
+    """Which node casts each ray next: the owner of the place up to which it is done, or behind that of the first where it may meet something.
 
-    A ray that is done for good stays with whoever holds it. owners int32[n] is written; scratch uint32[SCRATCH_WORDS].
+    What lies between is empty, and t_done is advanced over it. A ray that is done for good stays with whoever holds it. `empty`: an
+    `EmptySpace`. owners int32[n] is written; scratch uint32[SCRATCH_WORDS].
     """
     directions = scratch.view(np.float32)
     for i in range(rays.shape[0]):
@@ -298,9 +300,18 @@ def find_owners(rays, family, cells, low, high, me, owners, scratch):  # type: i
         if is_shadow_ray(rays, i):
             ex, ey, ez = end_of(rays, i)
             dx, dy, dz = np.float64(np.float32(ex - ox)), np.float64(np.float32(ey - oy)), np.float64(np.float32(ez - oz))
-            t = t_of_step(step, 0.0, 1.0)
+            t_in, t_out = 0.0, 1.0
         else:
             dx, dy, dz = np.float64(directions[lane]), np.float64(directions[LANES + lane]), np.float64(directions[2 * LANES + lane])
             t_in, t_out = box_span(x, y, z, dx, dy, dz, low, high)
-            t = t_of_step(step, t_in, t_out)
+        t = t_of_step(step, t_in, t_out)
+        if empty.reach.shape[0] > 0:
+            t_met = first_met(empty, x, y, z, dx, dy, dz, t, t_out)
+            if t_met == math.inf:
+                set_t_done(rays, i, 65535)
+                owners[i] = me
+                continue
+            if t_met > t:
+                set_t_done(rays, i, step_before(t_met, t_in, t_out, step))
+                t = t_met
         owners[i] = owner_ahead(family, cells, x + dx * t, y + dy * t, z + dz * t, dx, dy, dz)

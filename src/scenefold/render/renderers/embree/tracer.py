@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from scenefold.base.rays import RAY_WORDS
 from scenefold.partition import Partition
-from scenefold.render.arrays import F32, I64, U8, U32, JobNumbers, SceneArrays
+from scenefold.render.arrays import F32, I64, NOTHING_KNOWN, U8, U32, EmptySpace, JobNumbers, SceneArrays
 from scenefold.render.contract import Advanced
 from scenefold.render.generate_kernels import SCRATCH_WORDS, generate_pass
 from scenefold.render.order_kernels import PathOrder
@@ -42,6 +42,7 @@ class EmbreeTracer:
         self._cells = partition.kernel_data()
         self._nodes = partition.nodes
         self._me = np.int32(me)
+        self._empty = NOTHING_KNOWN
         self._intersect = np.int64(library.function_address("rtcIntersect1"))
         self._occluded = np.int64(library.function_address("rtcOccluded1"))
         self._filters = np.array([one.address for one in filter_kernels.FILTERS], np.int64)
@@ -73,11 +74,15 @@ class EmbreeTracer:
 
     def route(self, rays: U32) -> dict[int, U32]:
         """See `RoutingTracer`. Any thread may call it, whatever this tracer does meanwhile."""
-        owners, job = np.empty(len(rays), np.int32), self._job
-        rays = np.ascontiguousarray(rays)
-        scratch = _aligned_words(SCRATCH_WORDS)
-        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners, scratch)
+        owners = np.empty(len(rays), np.int32)
+        # They are not this tracer's alone, and what they are done up to is written into them.
+        rays = np.array(rays, np.uint32, order="C")
+        self._write_owners(rays, owners, _aligned_words(SCRATCH_WORDS))
         return self._grouped(rays, owners, len(rays))
+
+    def skip(self, empty: EmptySpace) -> None:
+        """See `SkippingTracer`."""
+        self._empty = empty
 
     def advance(self, rays: U32, first_path: int, sums: PassSums) -> Advanced:
         """Trace uint32[n, 9] of one pass until each ray ended or left this cell; `sums` is added to."""
@@ -196,8 +201,11 @@ class EmbreeTracer:
         if self._nodes == 1:
             owners[: len(rays)] = self._me
             return
+        self._write_owners(rays, owners, self._scratch)
+
+    def _write_owners(self, rays: U32, owners: npt.NDArray[np.int32], scratch: U32) -> None:
         job = self._job
-        cast_kernels.find_owners(rays, self._family, self._cells, job.box_low, job.box_high, self._me, owners, self._scratch)
+        cast_kernels.find_owners(rays, self._family, self._cells, self._empty, job.box_low, job.box_high, self._me, owners, scratch)
 
     def _grouped(self, rays: U32, owners: npt.NDArray[np.int32], count: int) -> dict[int, U32]:
         first: I64 = np.empty(self._nodes + 1, np.int64)

@@ -1,0 +1,53 @@
+"""What a node knows of empty space in a job, over which it passes rays (specs/28-rebalancing.md, Empty space)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scenefold.base.errors import Refused
+from scenefold.base.reasons import RejectReason
+from scenefold.partition import Partition
+from scenefold.render.arrays import U64, EmptySpace
+from scenefold.render.contract import SkippingTracer, Tracer
+from scenefold.render.occupied import empty_space, occupied_by, packed_grids, unpacked_grids
+from scenefold.render.pool.share import LANE, LoadedShare
+from scenefold.world import Workers
+
+
+class Emptiness:
+    """Of one part. Nothing is known before all nodes have told where they hold something."""
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+        self._grids: U64 | None = None
+        self._space: EmptySpace | None = None
+        self.told = b""
+        """Where this node holds something, until all is known; empty if its tracers pass rays over nothing."""
+
+    async def find(self, loaded: LoadedShare, cells: Partition, me: int, tracers: Sequence[Tracer]) -> None:
+        """Where this node holds something, for the organiser. Of a node without neighbours nobody needs to know."""
+        if cells.nodes > 1 and all(isinstance(tracer, SkippingTracer) for tracer in tracers):
+            grids = await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me)
+            self.told = await self._workers.run(LANE, packed_grids, grids)
+
+    async def see(self, packed: object, loaded: LoadedShare, tracers: Sequence[Tracer]) -> None:
+        """Where any node holds something; nothing is traced yet. PeerFault if that is ill-formed."""
+        grids = await self._workers.run(LANE, unpacked_grids, packed)
+        self._space = await self._workers.run(LANE, empty_space, loaded.tables, grids)
+        self._grids, self.told = grids, b""
+        self.use_in(tracers)
+
+    async def check(self, loaded: LoadedShare, cells: Partition, me: int) -> None:
+        """Refused (16) if something lies where nothing was: rays that are under way were passed over it."""
+        known = self._grids
+        if known is None:
+            return
+        grids = await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me)
+        if (grids & ~known).any():
+            raise Refused(RejectReason.NOT_READY, "the scene was changed while it is rendered", remedy="start the render again")
+
+    def use_in(self, tracers: Sequence[Tracer]) -> None:
+        """Of another cell, before anything is traced in it."""
+        for tracer in tracers:
+            if self._space is not None and isinstance(tracer, SkippingTracer):
+                tracer.skip(self._space)

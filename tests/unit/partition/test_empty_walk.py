@@ -1,0 +1,96 @@
+"""If this fails, a ray is passed over something that it meets, or stops where there is nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenefold.partition.empty_walk_kernels import fill_reach, firsts_met
+from scenefold.partition.occupancy import SHIFT, Occupancy, occupancy
+from scenefold.render.arrays import EmptySpace
+from unit.partition.cells import SEEDS, directions
+from unit.partition.test_occupancy import BOX, spans, things
+
+
+def known(bitmap: Occupancy) -> EmptySpace:
+    """As tracers have it."""
+    reach = np.empty((128, 128, 128), np.uint8)
+    fill_reach(bitmap.grids[0], reach)
+    return EmptySpace(reach, np.ascontiguousarray(bitmap.grids[1]), bitmap.low, bitmap.high, bitmap.per_voxel, np.array(SHIFT))
+
+
+def first(empty: EmptySpace, origins: np.ndarray, ways: np.ndarray, t_from: object, t_to: object) -> np.ndarray:
+    begin, end = (np.ascontiguousarray(np.broadcast_to(np.asarray(t, np.float64), len(origins))) for t in (t_from, t_to))
+    found = np.empty(len(origins))
+    firsts_met(empty, np.ascontiguousarray(origins), np.ascontiguousarray(ways), begin, end, found)
+    return found
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 2000])
+def test_reach_is_the_distance_to_the_next_occupied_voxel(count: int) -> None:
+    rng = np.random.default_rng(count)
+    places = rng.integers(0, 128, (count, 3))
+    words, reach = np.zeros((128, 128, 2), np.uint64), np.empty((128, 128, 128), np.uint8)
+    for i, j, k in places:
+        words[i, j, k >> 6] |= np.uint64(1) << np.uint64(k & 63)
+    fill_reach(words, reach)
+    for _ in range(300):
+        at = rng.integers(0, 128, 3)
+        expected = min(int(np.abs(places - at).max(axis=1).min()), 127) if count else 127
+        assert reach[tuple(at)] == expected
+    assert all(reach[tuple(place)] == 0 for place in places)
+
+
+@given(SEEDS, st.sampled_from([0.0, 1e-4, 0.05, 0.4]), st.sampled_from([1.0, 1e-3, 1e4]), st.sampled_from([0.0, 1e3]))
+@settings(max_examples=40)
+def test_no_ray_is_passed_over_what_it_meets(seed: int, size: float, scale: float, away: float) -> None:
+    rng = np.random.default_rng(seed)
+    low, high = (scale * (edge + away) for edge in things(rng, 20, size))
+    empty = known(occupancy(scale * (BOX + away), low, high))
+    aims = np.concatenate([low + (high - low) * rng.uniform(0, 1, low.shape), scale * (rng.uniform(-1, 1, (60, 3)) + away)])
+    origins = scale * (rng.uniform(-2, 2, aims.shape) + away)
+    ways = aims - origins
+    # Along axes, too, and along the walls of voxels.
+    ways[::5] *= np.eye(3)[rng.integers(0, 3, len(ways[::5]))]
+    ends = np.sort(rng.uniform(0.0, 2.0, (len(aims), 2)), axis=1)
+    ends[::3] = [0.0, np.inf]
+    with np.errstate(invalid="ignore"):
+        enter, leave = spans(low, high, origins, ways)
+    enter, leave = np.maximum(enter, ends[:, :1]), np.minimum(leave, ends[:, 1:])
+    meets = np.where(enter <= leave, enter, np.inf).min(axis=1)
+    found = first(empty, origins, ways, ends[:, 0], ends[:, 1])
+    # Where a ray lies in the side of a box the slabs are no numbers.
+    assert (found <= np.where(np.isnan(meets), np.inf, meets)).all()
+    assert (found >= ends[:, 0]).all() and ((found <= ends[:, 1]) | np.isinf(found)).all()
+
+
+def test_it_stops_no_sooner_than_near_something() -> None:
+    rng = np.random.default_rng(2)
+    low, high = things(rng, 120, 0.2)
+    empty = known(occupancy(BOX, low, high))
+    origins, ways = rng.uniform(-1, 1, (4000, 3)), directions(rng, 4000)
+    found = first(empty, origins, ways, 0.0, 0.7)
+    room = 3 * 2.0 / 127.0
+    enter, leave = spans(low - room, high + room, origins, ways)
+    near = np.where(np.maximum(enter, 0.0) <= np.minimum(leave, 0.7), np.maximum(enter, 0.0), np.inf).min(axis=1)
+    assert (found >= near).all()
+    assert np.isinf(found).sum() > 1000 and (found == 0.0).sum() > 10 and ((found > 0.0) & np.isfinite(found)).sum() > 300
+
+
+def test_where_it_stops_it_stops_again() -> None:
+    rng = np.random.default_rng(3)
+    empty = known(occupancy(BOX, *things(rng, 30, 0.1)))
+    origins, ways = rng.uniform(-1, 1, (500, 3)), directions(rng, 500)
+    found = first(empty, origins, ways, 0.0, np.inf)
+    stopped = np.isfinite(found)
+    assert (first(empty, origins[stopped], ways[stopped], found[stopped], np.inf) == found[stopped]).all()
+
+
+def test_rays_that_stand_still_or_never_come_near() -> None:
+    empty = known(occupancy(BOX, [[-0.1, -0.1, -0.1]], [[0.1, 0.1, 0.1]]))
+    origins = np.array([[0.0, 0, 0], [0.9, 0.9, 0.9], [5.0, 0, 0], [5.0, 0, 0], [-5.0, 0, 0], [0.0, 5.0, 0.0]])
+    ways = np.array([[0.0, 0, 0], [0.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]])
+    found = first(empty, origins, ways, 0.0, np.inf)
+    assert found[0] == 0.0 and np.isinf(found[[2, 3, 5]]).all() and 4.8 < found[4] <= 4.9
