@@ -1,0 +1,154 @@
+"""If this fails, nodes pass rays over geometry, or to cells where there is nothing, or over what somebody put there meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import trio
+
+from scenefold.base.errors import PeerFault, Refused
+from scenefold.base.ids import address_of
+from scenefold.render.arrays import NOTHING_KNOWN
+from scenefold.render.job import RenderOptions
+from scenefold.render.occupied import packed_grids, unpacked_grids
+from scenefold.render.pool import comebacks, organiser
+from scenefold.render.pool.emptiness import Emptiness
+from scenefold.render.pool.request import organiser_of
+from scenefold.render.rehearsal.pool import Records, memory_pool, sha256_of
+from scenefold.render.renderers.embree.tracer import EmbreeTracer
+from scenefold.wire import CancelJob
+from scenefold.world.real.world import offline_world
+
+OPTIONS = RenderOptions(width=96, height=72, samples=24, seed=3, sky=(0.2, 0.3, 0.5), algorithm="kd", moving=False)
+JOB = 11
+NODES = 5
+
+
+@pytest.fixture(autouse=True)
+def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """These jobs are short."""
+    monkeypatch.setattr(organiser, "POLL_S", 0.01)
+
+
+@pytest.fixture
+def knowing(monkeypatch: pytest.MonkeyPatch) -> list[EmbreeTracer]:
+    """Tracers that were told where there is nothing, in their order."""
+    told: list[EmbreeTracer] = []
+    skip = EmbreeTracer.skip
+
+    def noted(self: EmbreeTracer, empty: Any) -> None:
+        told.append(self)
+        skip(self, empty)
+
+    monkeypatch.setattr(EmbreeTracer, "skip", noted)
+    return told
+
+
+async def rendered(room: Records, nodes: int, options: RenderOptions = OPTIONS) -> tuple[str, int, dict[str, Any]]:
+    """The image, rays that were passed on, and the last state."""
+    async with memory_pool(offline_world(), room, nodes) as pool:
+        image, state = await pool.render(JOB, options)
+    return sha256_of(image), sum(node["rays_sent"] for node in state["nodes"]), state
+
+
+@pytest.fixture(scope="module")
+def alone(room: Records) -> str:
+    """Of what one node makes."""
+    return trio.run(rendered, room, 1)[0]
+
+
+async def test_rays_are_passed_over_what_is_empty(
+    room: Records, alone: str, knowing: list[EmbreeTracer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image, skipped, state = await rendered(room, NODES)
+    assert len(knowing) == NODES
+    assert "occupied" not in str(state["nodes"]), "nobody else needs to know"
+    # Where a node tells nothing, nobody skips anything.
+    monkeypatch.setattr(Emptiness, "told", "", raising=False)
+    knowing.clear()
+
+    async def tells_nothing(self: Emptiness, *_: object) -> None:
+        """As a node whose renderer cannot skip."""
+
+    monkeypatch.setattr(Emptiness, "find", tells_nothing)
+    plain, passed, _ = await rendered(room, NODES)
+    assert not knowing
+    assert image == plain == alone
+    assert skipped < 0.9 * passed
+
+
+async def test_who_is_alone_needs_to_know_nothing(room: Records, knowing: list[EmbreeTracer]) -> None:
+    await rendered(room, 1)
+    await rendered(room, 3, replace(OPTIONS, algorithm="whole"))
+    assert not knowing
+
+
+async def test_pools_of_which_one_has_a_single_node_know_it_too(room: Records, alone: str, knowing: list[EmbreeTracer]) -> None:
+    image, _, state = await rendered(room, 3, replace(OPTIONS, pools=2))
+    assert image == alone and state["pools"] == 2
+    assert len(knowing) == 3
+
+
+@pytest.mark.usefixtures("ends_moved")
+async def test_cells_that_moved_know_it(room: Records, alone: str, knowing: list[EmbreeTracer]) -> None:
+    image, _, state = await rendered(room, NODES, replace(OPTIONS, moving=True))
+    assert image == alone and state["moved"] >= 1
+    assert len(knowing) >= 2 * NODES
+
+
+@pytest.mark.expect_log("go on")
+async def test_who_comes_back_knows_it(room: Records, knowing: list[EmbreeTracer], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(organiser, "COMEBACK_WORTH", 0.0)
+    monkeypatch.setattr(organiser, "COMEBACK_S", 0.05)
+    monkeypatch.setattr(comebacks, "LOOK_S", 0.05)
+    options = replace(OPTIONS, samples=320)
+    async with memory_pool(offline_world(), room, 3) as pool:
+        victim = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
+        owner = await pool.start(JOB, options)
+        while (await pool.state(JOB, owner))["closed"] < 3:
+            await pool.world.clock.sleep(0.005)
+        pool.kill(victim)
+        while not (await pool.state(JOB, owner))["lost"]:
+            await pool.world.clock.sleep(0.005)
+        await pool.restart(victim)
+        _, state = await pool.finished(JOB, owner)
+        assert state["back"] == [address_of(victim)]
+    assert all(tracer._empty is not NOTHING_KNOWN for tracer in knowing)
+    # Three at first, two that carved up the third one's cell, all of a fresh division, and before that who came back, in its first cell.
+    assert len(knowing) >= 9
+
+
+async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        while not (await pool.state(JOB, owner))["closed"]:
+            await pool.world.clock.sleep(0.005)
+        moving = pool.hosts[pool.nodes[0]].service._part(JOB)._moving
+        assert moving.held is not None
+        emptiness, held = moving.emptiness, moving.held
+        partition = held.cell.division.pools[0]
+        await emptiness.check(held.loaded, partition, 0)
+        assert emptiness._grids is not None
+        emptiness._grids = emptiness._grids & ~(emptiness._grids & -emptiness._grids)
+        with pytest.raises(Refused, match="changed while it is rendered"):
+            await emptiness.check(held.loaded, partition, 0)
+        await pool.ask(owner, CancelJob(job=JOB))
+
+
+@pytest.mark.parametrize("occupied", [7, b"no grids", "grids"])
+async def test_what_is_no_word_of_empty_space_is_none(room: Records, occupied: object) -> None:
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        while not (await pool.state(JOB, owner))["closed"]:
+            await pool.world.clock.sleep(0.005)
+        part = pool.hosts[pool.nodes[0]].service._part(JOB)
+        with pytest.raises(PeerFault, match="ill-formed"):
+            await part.go(0, occupied)
+        await pool.ask(owner, CancelJob(job=JOB))
+
+
+def test_grids_are_told_as_they_are() -> None:
+    grids = unpacked_grids(packed_grids(NOTHING_KNOWN.second[None].repeat(2, axis=0)))
+    assert grids.shape == (2, 128, 128, 2) and not grids.any()
