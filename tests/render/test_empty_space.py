@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 import trio
 
@@ -12,7 +13,6 @@ from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import address_of
 from scenefold.render.arrays import NOTHING_KNOWN
 from scenefold.render.job import RenderOptions
-from scenefold.render.occupied import packed_grids, unpacked_grids
 from scenefold.render.pool import comebacks, organiser
 from scenefold.render.pool.emptiness import Emptiness
 from scenefold.render.pool.request import organiser_of
@@ -130,14 +130,16 @@ async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
         emptiness, held = moving.emptiness, moving.held
         partition = held.cell.division.pools[0]
         await emptiness.check(held.loaded, partition, 0)
-        assert emptiness._grids is not None
-        emptiness._grids = emptiness._grids & ~(emptiness._grids & -emptiness._grids)
+        assert emptiness._occupied is not None
+        known = emptiness._occupied.copy()
+        known.reshape(-1)[np.flatnonzero(known)[0]] = 0
+        emptiness._occupied = known
         with pytest.raises(Refused, match="changed while it is rendered"):
             await emptiness.check(held.loaded, partition, 0)
         await pool.ask(owner, CancelJob(job=JOB))
 
 
-@pytest.mark.parametrize("occupied", [7, b"no grids", "grids"])
+@pytest.mark.parametrize("occupied", [7, b"no voxels", "voxels"])
 async def test_what_is_no_word_of_empty_space_is_none(room: Records, occupied: object) -> None:
     async with memory_pool(offline_world(), room, 2) as pool:
         owner = await pool.start(JOB, OPTIONS)
@@ -147,8 +149,3 @@ async def test_what_is_no_word_of_empty_space_is_none(room: Records, occupied: o
         with pytest.raises(PeerFault, match="ill-formed"):
             await part.go(0, occupied)
         await pool.ask(owner, CancelJob(job=JOB))
-
-
-def test_grids_are_told_as_they_are() -> None:
-    grids = unpacked_grids(packed_grids(NOTHING_KNOWN.second[None].repeat(2, axis=0)))
-    assert grids.shape == (2, 128, 128, 2) and not grids.any()

@@ -1,7 +1,7 @@
-"""How far a ray flies through empty space, in few steps: compiled (specs/28-rebalancing.md, Empty space).
+"""Where space is empty, in voxels, and how far a ray flies through it: compiled (specs/28-rebalancing.md, Empty space).
 
-Of each voxel of the first grid it is known how far the next occupied one is, so a ray flies that far at once. Where a voxel is occupied, those of
-the second grid that it meets there are looked at.
+A voxel counts for more than its box: by `SLACK` of a voxel on every side, when geometry marks it. That is far more than all
+rounding here, so a ray need not be exact. Of each voxel it is known how far the next occupied one is, so a ray flies that far at once.
 """
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, disallow-untyped-decorators=False
 
@@ -12,24 +12,46 @@ import math
 import numpy as np
 from numba import njit
 
-from scenefold.partition.occupancy_kernels import SIDE, _is_set, _voxel
-
+SIDE = 64
+"""Voxels on each axis. Of so many a byte each stays in a core's second-level cache, beside what else a tracer reads."""
+SLACK = 2.0**-10
+"""Of a voxel: by how much what marks it is grown."""
 _NUDGE = 2.0**-20
-"""Of a voxel: so far a ray gets beyond a wall, that it gets on. What marks voxels is grown by far more."""
-_STEPS_MAX = 1024
-"""A ray crosses no more than 382 voxels."""
+"""Of a voxel: so far a ray gets beyond a wall, that it gets on."""
+_STEPS_MAX = 512
+"""A ray crosses no more than 190 voxels."""
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def fill_reach(words, reach):
-    """Of each voxel of a grid, words uint64[128, 128, 2], the distance to the next occupied one to reach uint8[128, 128, 128]: 0 if it is itself.
+def _voxel(at):
+    return min(max(int(math.floor(at)), 0), SIDE - 1)
 
-    In voxels, the longest axis counts; 127 at most. Exact, by two sweeps (Rosenfeld and Pfaltz, 1968).
+
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
+def mark_box(occupied, low, per_voxel, x0, y0, z0, x1, y1, z1):
+    """Set the voxels, uint8[SIDE, SIDE, SIDE], that the box x0 y0 z0 .. x1 y1 z1 meets. Voxel 0 begins at `low` f64[3], `per_voxel` f64[3] is voxels a unit.
+
+    What lies outside counts for the outermost voxels.
+    """
+    i0, i1 = _voxel((x0 - low[0]) * per_voxel[0] - SLACK), _voxel((x1 - low[0]) * per_voxel[0] + SLACK)
+    j0, j1 = _voxel((y0 - low[1]) * per_voxel[1] - SLACK), _voxel((y1 - low[1]) * per_voxel[1] + SLACK)
+    k0, k1 = _voxel((z0 - low[2]) * per_voxel[2] - SLACK), _voxel((z1 - low[2]) * per_voxel[2] + SLACK)
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(k0, k1 + 1):
+                occupied[i, j, k] = np.uint8(1)
+
+
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
+def fill_reach(occupied, reach):
+    """Of each voxel the distance to the next occupied one, to reach uint8[SIDE, SIDE, SIDE]: 0 if it is itself.
+
+    In voxels, the longest axis counts; SIDE at most. Exact, by two sweeps (Rosenfeld and Pfaltz, 1968).
     """
     for i in range(SIDE):
         for j in range(SIDE):
             for k in range(SIDE):
-                best = 0 if _is_set(words, i, j, k) else 127
+                best = 0 if occupied[i, j, k] else SIDE
                 if best > 0:
                     for di in range(-1, 1):
                         for dj in range(-1, 2 if di < 0 else 1):
@@ -53,20 +75,9 @@ def fill_reach(words, reach):
 
 
 @njit(error_model="numpy", _nrt=False, forceinline=True)
-def _leaves(at, way, low, high):
-    """How far along a ray the interval low .. high is left on an axis, from a place in it."""
-    return (high - at) / way if way > 0.0 else (low - at) / way if way < 0.0 else math.inf
-
-
-@njit(error_model="numpy", _nrt=False)
-def _second_is_set(words, ax, ay, az, bx, by, bz):
-    """Whether a voxel of the second grid is occupied that the box between two places meets, which has sides of a voxel at most."""
-    for i in range(_voxel(min(ax, bx)), _voxel(max(ax, bx)) + 1):
-        for j in range(_voxel(min(ay, by)), _voxel(max(ay, by)) + 1):
-            for k in range(_voxel(min(az, bz)), _voxel(max(az, bz)) + 1):
-                if _is_set(words, i, j, k):
-                    return True
-    return False
+def _leaves(at, inverse, low, high):
+    """How far along a ray the interval low .. high is left on an axis, from a place in it. inverse: of its speed there."""
+    return (high - at) * inverse if inverse > 0.0 else (low - at) * inverse
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
@@ -80,8 +91,8 @@ def first_met(empty, ox, oy, oz, dx, dy, dz, t_from, t_to):
     for axis in range(3):
         o = ox if axis == 0 else oy if axis == 1 else oz
         d = dx if axis == 0 else dy if axis == 1 else dz
-        # Everything that marks lies in the box, and that in both grids.
-        begin, end = low[axis] - 0.125 / per_voxel[axis], high[axis] + 0.125 / per_voxel[axis]
+        # Everything that marks lies in the box.
+        begin, end = low[axis], high[axis]
         if d == 0.0:
             if o < begin or o > end:
                 return math.inf
@@ -90,32 +101,25 @@ def first_met(empty, ox, oy, oz, dx, dy, dz, t_from, t_to):
         near, far = max(near, min(one, two)), min(far, max(one, two))
     if not near <= far:
         return math.inf
-    # In voxels of the first grid; the second one is so far aside.
-    aside = empty.shift[1] - empty.shift[0]
     ux, uy, uz = dx * per_voxel[0], dy * per_voxel[1], dz * per_voxel[2]
-    x = (ox - low[0]) * per_voxel[0] + empty.shift[0]
-    y = (oy - low[1]) * per_voxel[1] + empty.shift[0]
-    z = (oz - low[2]) * per_voxel[2] + empty.shift[0]
+    x, y, z = (ox - low[0]) * per_voxel[0], (oy - low[1]) * per_voxel[1], (oz - low[2]) * per_voxel[2]
     longest = max(abs(ux), max(abs(uy), abs(uz)))
     if not longest > 0.0:
         return near
-    nudge = _NUDGE / longest
-    t = near
+    # An axis along which it stands still is left never, but after 1e300.
+    ix = 1.0 / ux if ux != 0.0 else 1e300
+    iy = 1.0 / uy if uy != 0.0 else 1e300
+    iz = 1.0 / uz if uz != 0.0 else 1e300
+    nudge, t = _NUDGE / longest, near
     for _ in range(_STEPS_MAX):
         px, py, pz = x + t * ux, y + t * uy, z + t * uz
         i, j, k = _voxel(px), _voxel(py), _voxel(pz)
         reach = int(empty.reach[i, j, k])
-        wide = max(reach - 1, 0)
-        step = min(
-            _leaves(px, ux, i - wide, i + wide + 1), min(_leaves(py, uy, j - wide, j + wide + 1), _leaves(pz, uz, k - wide, k + wide + 1))
-        )
-        step = max(step, 0.0)
         if reach == 0:
-            last = min(t + step, far) - t
-            qx, qy, qz = px + last * ux, py + last * uy, pz + last * uz
-            if _second_is_set(empty.second, px + aside, py + aside, pz + aside, qx + aside, qy + aside, qz + aside):
-                return t
-        t += step + nudge
+            return t
+        wide = reach - 1
+        step = min(_leaves(px, ix, i - wide, i + reach), min(_leaves(py, iy, j - wide, j + reach), _leaves(pz, iz, k - wide, k + reach)))
+        t += max(step, 0.0) + nudge
         if t > far:
             return math.inf
     return t

@@ -21,7 +21,6 @@ Grids = npt.NDArray[np.uint64]
 
 SHIFT = (0.25, 0.75)
 """Voxels, by which each grid begins below the box."""
-GRIDS_SHAPE = (2, 128, 128, 2)
 _SPAN = 127.0
 """Voxels that the box takes on each axis: the rest is for the shift."""
 
@@ -83,17 +82,13 @@ def occupancy(box: npt.ArrayLike, low: npt.ArrayLike, high: npt.ArrayLike, dilat
     if len(lows) and not ((lows >= corners[0]).all() and (highs <= corners[1]).all()):
         raise LocalFault("geometry lies outside of the scene's box")
     begin, end = corners[0] - dilation, corners[1] + dilation
-    empty = nothing_in(begin, end)
-    occupancy_kernels.mark(empty.grids, empty.low, empty.per_voxel, np.array(SHIFT), lows, highs, float(dilation))
-    return empty
-
-
-def nothing_in(low: Floats, high: Floats) -> Occupancy:
-    """The bitmap of a box without anything in it; corners f64[3]."""
     # A flat box gets some thickness, and any box enough for the digits of its place.
-    sides = np.maximum(high - low, 1e-9 * np.maximum(np.abs(low), np.abs(high)).max())
+    sides = np.maximum(end - begin, 1e-9 * np.maximum(np.abs(begin), np.abs(end)).max())
     sides = np.where(sides > 0.0, sides, 1.0)
-    return Occupancy(low, low + sides, _SPAN / sides, np.zeros(GRIDS_SHAPE, np.uint64))
+    per_voxel = _SPAN / sides
+    grids = np.zeros((2, 128, 128, 2), np.uint64)
+    occupancy_kernels.mark(grids, begin, per_voxel, np.array(SHIFT), lows, highs, float(dilation))
+    return Occupancy(begin, begin + sides, per_voxel, grids)
 
 
 def _rays(origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[Floats, Floats]:

@@ -1,7 +1,7 @@
 """Grids of occupied voxels, compiled: marking, and walking along a ray (specs/28-rebalancing.md, Empty space).
 
-A voxel counts for more than its box: by `SLACK` of a voxel on every side, when geometry marks it. That is far more than all
-rounding here, so a ray need not be exact.
+A voxel counts for more than its box: by `SLACK` of a voxel on every side, when geometry marks it and again when a ray
+looks. That is far more than all rounding here, so neither side has to be exact.
 """
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, disallow-untyped-decorators=False
 
@@ -15,7 +15,7 @@ from numba import njit
 SIDE = 128
 """Voxels on each side of a grid."""
 SLACK = 2.0**-10
-"""Of a voxel: by how much what marks it is grown."""
+"""Of a voxel: by how much what marks it is grown, and by how much the walk looks beyond its interval."""
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
@@ -29,23 +29,6 @@ def _is_set(words, i, j, k):
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def mark_box(grids, low, per_voxel, shift, x0, y0, z0, x1, y1, z1):
-    """Set the voxels of both grids, uint64[2, 128, 128, 2], that the box x0 y0 z0 .. x1 y1 z1 meets; see `mark`."""
-    for grid in range(grids.shape[0]):
-        words = grids[grid]
-        i0 = _voxel((x0 - low[0]) * per_voxel[0] + shift[grid] - SLACK)
-        i1 = _voxel((x1 - low[0]) * per_voxel[0] + shift[grid] + SLACK)
-        j0 = _voxel((y0 - low[1]) * per_voxel[1] + shift[grid] - SLACK)
-        j1 = _voxel((y1 - low[1]) * per_voxel[1] + shift[grid] + SLACK)
-        k0 = _voxel((z0 - low[2]) * per_voxel[2] + shift[grid] - SLACK)
-        k1 = _voxel((z1 - low[2]) * per_voxel[2] + shift[grid] + SLACK)
-        for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                for k in range(k0, k1 + 1):
-                    words[i, j, k >> 6] |= np.uint64(1) << np.uint64(k & 63)
-
-
-@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def mark(grids, low, per_voxel, shift, boxes_low, boxes_high, dilation):
     """Set the voxels of both grids, uint64[2, 128, 128, 2], that boxes f64[m, 3] grown by `dilation` meet.
 
@@ -53,62 +36,68 @@ def mark(grids, low, per_voxel, shift, boxes_low, boxes_high, dilation):
     for its outermost voxels.
     """
     for box in range(boxes_low.shape[0]):
-        mark_box(
-            grids, low, per_voxel, shift,
-            boxes_low[box, 0] - dilation, boxes_low[box, 1] - dilation, boxes_low[box, 2] - dilation,
-            boxes_high[box, 0] + dilation, boxes_high[box, 1] + dilation, boxes_high[box, 2] + dilation,
-        )  # fmt: skip
+        for grid in range(grids.shape[0]):
+            words = grids[grid]
+            i0 = _voxel((boxes_low[box, 0] - dilation - low[0]) * per_voxel[0] + shift[grid] - SLACK)
+            i1 = _voxel((boxes_high[box, 0] + dilation - low[0]) * per_voxel[0] + shift[grid] + SLACK)
+            j0 = _voxel((boxes_low[box, 1] - dilation - low[1]) * per_voxel[1] + shift[grid] - SLACK)
+            j1 = _voxel((boxes_high[box, 1] + dilation - low[1]) * per_voxel[1] + shift[grid] + SLACK)
+            k0 = _voxel((boxes_low[box, 2] - dilation - low[2]) * per_voxel[2] + shift[grid] - SLACK)
+            k1 = _voxel((boxes_high[box, 2] + dilation - low[2]) * per_voxel[2] + shift[grid] + SLACK)
+            for i in range(i0, i1 + 1):
+                for j in range(j0, j1 + 1):
+                    for k in range(k0, k1 + 1):
+                        words[i, j, k >> 6] |= np.uint64(1) << np.uint64(k & 63)
 
 
-@njit(error_model="numpy", _nrt=False, forceinline=True)
-def _first_wall(at, way, voxel):
-    """Where along a segment of length 1 the first wall of its voxel lies on an axis, and how far apart walls are; inf where there is none."""
-    if way > 0.0:
-        return (voxel + 1 - at) / way, 1.0 / way
-    if way < 0.0:
-        return (voxel - at) / way, -1.0 / way
-    return math.inf, math.inf
+@njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
+def _any_in(words, i0, i1, j0, j1, k0, k1):
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(k0, k1 + 1):
+                if _is_set(words, i, j, k):
+                    return True
+    return False
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def _meets_grid(words, x0, y0, z0, x1, y1, z1):
-    """Whether the segment between two points of the grid, in voxels, meets an occupied voxel: from wall to wall (Amanatides and Woo, 1987).
+    """Whether the segment between two points, in voxels, comes near an occupied voxel.
 
-    Where it comes near an edge rounding may choose the other voxel beside it. What was marked is grown by far more than that.
+    It is cut where it is one voxel farther along its longest axis; each piece looks at all voxels of its box, which
+    are 3 x 3 x 3 at most, so none is missed that the segment meets.
     """
-    i, j, k = _voxel(x0), _voxel(y0), _voxel(z0)
-    i_end, j_end, k_end = _voxel(x1), _voxel(y1), _voxel(z1)
-    tx, dtx = _first_wall(x0, x1 - x0, i)
-    ty, dty = _first_wall(y0, y1 - y0, j)
-    tz, dtz = _first_wall(z0, z1 - z0, k)
-    si, sj, sk = 1 if i_end > i else -1, 1 if j_end > j else -1, 1 if k_end > k else -1
-    tx, ty, tz = tx if i != i_end else math.inf, ty if j != j_end else math.inf, tz if k != k_end else math.inf
-    for _ in range(abs(i_end - i) + abs(j_end - j) + abs(k_end - k)):
-        if _is_set(words, i, j, k):
+    longest = max(abs(x1 - x0), max(abs(y1 - y0), abs(z1 - z0)))
+    pieces = int(math.ceil(longest)) if longest > 1.0 else 1
+    for piece in range(pieces):
+        a, b = piece / pieces, (piece + 1) / pieces
+        ax, bx = x0 + (x1 - x0) * a, x0 + (x1 - x0) * b
+        ay, by = y0 + (y1 - y0) * a, y0 + (y1 - y0) * b
+        az, bz = z0 + (z1 - z0) * a, z0 + (z1 - z0) * b
+        if _any_in(
+            words,
+            _voxel(min(ax, bx) - SLACK),
+            _voxel(max(ax, bx) + SLACK),
+            _voxel(min(ay, by) - SLACK),
+            _voxel(max(ay, by) + SLACK),
+            _voxel(min(az, bz) - SLACK),
+            _voxel(max(az, bz) + SLACK),
+        ):
             return True
-        if tx <= ty and tx <= tz:
-            i += si
-            tx = tx + dtx if i != i_end else math.inf
-        elif ty <= tz:
-            j += sj
-            ty = ty + dty if j != j_end else math.inf
-        else:
-            k += sk
-            tz = tz + dtz if k != k_end else math.inf
-    return _is_set(words, i, j, k)
+    return False
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
 def is_occupied(grids, low, high, per_voxel, shift, ox, oy, oz, dx, dy, dz, t_from, t_to):
     """False only if o + t d meets nothing that was marked for t_from <= t <= t_to (inf allowed).
 
-    The ray is cut to the box low .. high grown by an eighth of a voxel: everything that marks lies in the box, and that in both grids.
+    The ray is cut to the box low .. high grown by two voxels: everything that marks lies in the box.
     """
     near, far = t_from, t_to
     for axis in range(3):
         o = ox if axis == 0 else oy if axis == 1 else oz
         d = dx if axis == 0 else dy if axis == 1 else dz
-        begin, end = low[axis] - 0.125 / per_voxel[axis], high[axis] + 0.125 / per_voxel[axis]
+        begin, end = low[axis] - 2.0 / per_voxel[axis], high[axis] + 2.0 / per_voxel[axis]
         if d == 0.0:
             if o < begin or o > end:
                 return False

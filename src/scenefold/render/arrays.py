@@ -18,7 +18,6 @@ I64 = npt.NDArray[np.int64]
 U8 = npt.NDArray[np.uint8]
 U16 = npt.NDArray[np.uint16]
 U32 = npt.NDArray[np.uint32]
-U64 = npt.NDArray[np.uint64]
 
 
 class MaterialColumn:
@@ -209,23 +208,18 @@ class SceneArrays(NamedTuple):
 
 
 class EmptySpace(NamedTuple):
-    """Where the job's box is known to be empty (`scenefold.partition.occupancy`)."""
+    """Where the job's box is known to be empty (specs/28-rebalancing.md, Empty space)."""
 
     reach: U8
-    """[128, 128, 128]: voxels of the first grid from each to the next occupied one; [0, 128, 128]: nothing is known."""
-    second: U64
-    """[128, 128, 2], the second grid."""
+    """[64, 64, 64]: voxels from each to the next occupied one; [0, 64, 64]: nothing is known."""
     low: F64
-    """[3]"""
+    """[3], the corners of all voxels together."""
     high: F64
     per_voxel: F64
-    shift: F64
-    """[2]"""
+    """[3]: voxels a unit."""
 
 
-NOTHING_KNOWN = EmptySpace(
-    np.zeros((0, 128, 128), np.uint8), np.zeros((128, 128, 2), np.uint64), np.zeros(3), np.ones(3), np.ones(3), np.zeros(2)
-)
+NOTHING_KNOWN = EmptySpace(np.zeros((0, 64, 64), np.uint8), np.zeros(3), np.ones(3), np.ones(3))
 
 
 class JobNumbers(NamedTuple):

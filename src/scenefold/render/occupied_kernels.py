@@ -8,14 +8,14 @@ import math
 import numpy as np
 from numba import njit
 
-from scenefold.partition.occupancy_kernels import mark_box
+from scenefold.partition.empty_walk_kernels import mark_box
 
-_CUTS_MAX = 256
-"""Of a triangle's edges: it spans 127 voxels at most, unless it lies outside of the box."""
+_CUTS_MAX = 128
+"""Of a triangle's edges: it spans 64 voxels at most, unless it lies outside of the box."""
 
 
 @njit(error_model="numpy", _nrt=False)
-def _mark_triangle(grids, low, per_voxel, shift, p, dilation):
+def _mark_triangle(occupied, low, per_voxel, p, dilation):
     """p f64[3, 3]: its corners. It is cut into pieces of about a voxel, and the box of each piece counts."""
     longest = 0.0
     for axis in range(3):
@@ -37,16 +37,15 @@ def _mark_triangle(grids, low, per_voxel, shift, p, dilation):
             if j < cuts - i - 1:
                 dx, dy, dz = bx + vx, by + vy, bz + vz
                 lx, hx, ly, hy, lz, hz = min(lx, dx), max(hx, dx), min(ly, dy), max(hy, dy), min(lz, dz), max(hz, dz)
-            mark_box(grids, low, per_voxel, shift, lx - dilation, ly - dilation, lz - dilation, hx + dilation, hy + dilation, hz + dilation)
+            mark_box(occupied, low, per_voxel, lx - dilation, ly - dilation, lz - dilation, hx + dilation, hy + dilation, hz + dilation)
 
 
 @njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-def mark_triangles(grids, low, per_voxel, shift, vertices, triangles, first, counts, matrices, dilation, corners):
-    """Set the voxels that the triangles of pairs of an instance and a group meet, grown by `dilation` f64 >= 0.
+def mark_triangles(occupied, low, per_voxel, vertices, triangles, first, counts, matrices, dilations, corners):
+    """Set the voxels that the triangles of pairs of an instance and a group meet, grown by the pair's dilation, f64[k] >= 0.
 
-    grids uint64[2, 128, 128, 2]; low, per_voxel f64[3], shift f64[2]: see `scenefold.partition.occupancy`. vertices f32[n, 3] in the space
-    of prototypes, triangles uint32[m, 3]. Of each pair: first and counts int64[k], its triangles, and matrices f64[k, 3, 4] to the world.
-    To work in: corners f64[3, 3].
+    occupied uint8[64, 64, 64], low and per_voxel f64[3]: see `mark_box`. vertices f32[n, 3] in the space of prototypes, triangles
+    uint32[m, 3]. Of each pair: first and counts int64[k], its triangles, and matrices f64[k, 3, 4] to the world. To work in: corners f64[3, 3].
     """
     for pair in range(first.shape[0]):
         for triangle in range(first[pair], first[pair] + counts[pair]):
@@ -56,4 +55,4 @@ def mark_triangles(grids, low, per_voxel, shift, vertices, triangles, first, cou
                 for axis in range(3):
                     row = matrices[pair, axis]
                     corners[corner, axis] = row[0] * x + row[1] * y + row[2] * z + row[3]
-            _mark_triangle(grids, low, per_voxel, shift, corners, dilation)
+            _mark_triangle(occupied, low, per_voxel, corners, dilations[pair])

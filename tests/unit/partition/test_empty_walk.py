@@ -7,18 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenefold.partition.empty_walk_kernels import fill_reach, firsts_met
-from scenefold.partition.occupancy import SHIFT, Occupancy, occupancy
+from scenefold.partition.empty_walk_kernels import SIDE, fill_reach, firsts_met, mark_box
+from scenefold.render import occupied
 from scenefold.render.arrays import EmptySpace
 from unit.partition.cells import SEEDS, directions
 from unit.partition.test_occupancy import BOX, spans, things
 
 
-def known(bitmap: Occupancy) -> EmptySpace:
-    """As tracers have it."""
-    reach = np.empty((128, 128, 128), np.uint8)
-    fill_reach(bitmap.grids[0], reach)
-    return EmptySpace(reach, np.ascontiguousarray(bitmap.grids[1]), bitmap.low, bitmap.high, bitmap.per_voxel, np.array(SHIFT))
+def known(box: np.ndarray, low: np.ndarray, high: np.ndarray) -> EmptySpace:
+    """What tracers know of a box f64[2, 3] in which these boxes lie, f64[m, 3] twice."""
+    begin, end, per_voxel = occupied.voxels(*box)
+    marked, reach = np.zeros((SIDE, SIDE, SIDE), np.uint8), np.empty((SIDE, SIDE, SIDE), np.uint8)
+    for corner, other in zip(low, high, strict=True):
+        mark_box(marked, begin, per_voxel, *corner, *other)
+    fill_reach(marked, reach)
+    return EmptySpace(reach, begin, end, per_voxel)
 
 
 def first(empty: EmptySpace, origins: np.ndarray, ways: np.ndarray, t_from: object, t_to: object) -> np.ndarray:
@@ -31,16 +34,15 @@ def first(empty: EmptySpace, origins: np.ndarray, ways: np.ndarray, t_from: obje
 @pytest.mark.parametrize("count", [0, 1, 3, 2000])
 def test_reach_is_the_distance_to_the_next_occupied_voxel(count: int) -> None:
     rng = np.random.default_rng(count)
-    places = rng.integers(0, 128, (count, 3))
-    words, reach = np.zeros((128, 128, 2), np.uint64), np.empty((128, 128, 128), np.uint8)
-    for i, j, k in places:
-        words[i, j, k >> 6] |= np.uint64(1) << np.uint64(k & 63)
-    fill_reach(words, reach)
+    places = rng.integers(0, SIDE, (count, 3))
+    marked, reach = np.zeros((SIDE, SIDE, SIDE), np.uint8), np.empty((SIDE, SIDE, SIDE), np.uint8)
+    marked[tuple(places.T)] = 1
+    fill_reach(marked, reach)
     for _ in range(300):
-        at = rng.integers(0, 128, 3)
-        expected = min(int(np.abs(places - at).max(axis=1).min()), 127) if count else 127
-        assert reach[tuple(at)] == expected
+        at = rng.integers(0, SIDE, 3)
+        assert reach[tuple(at)] == (int(np.abs(places - at).max(axis=1).min()) if count else SIDE)
     assert all(reach[tuple(place)] == 0 for place in places)
+    assert occupied.SIDE == SIDE
 
 
 @given(SEEDS, st.sampled_from([0.0, 1e-4, 0.05, 0.4]), st.sampled_from([1.0, 1e-3, 1e4]), st.sampled_from([0.0, 1e3]))
@@ -48,7 +50,7 @@ def test_reach_is_the_distance_to_the_next_occupied_voxel(count: int) -> None:
 def test_no_ray_is_passed_over_what_it_meets(seed: int, size: float, scale: float, away: float) -> None:
     rng = np.random.default_rng(seed)
     low, high = (scale * (edge + away) for edge in things(rng, 20, size))
-    empty = known(occupancy(scale * (BOX + away), low, high))
+    empty = known(scale * (BOX + away), low, high)
     aims = np.concatenate([low + (high - low) * rng.uniform(0, 1, low.shape), scale * (rng.uniform(-1, 1, (60, 3)) + away)])
     origins = scale * (rng.uniform(-2, 2, aims.shape) + away)
     ways = aims - origins
@@ -69,10 +71,10 @@ def test_no_ray_is_passed_over_what_it_meets(seed: int, size: float, scale: floa
 def test_it_stops_no_sooner_than_near_something() -> None:
     rng = np.random.default_rng(2)
     low, high = things(rng, 120, 0.2)
-    empty = known(occupancy(BOX, low, high))
+    empty = known(BOX, low, high)
     origins, ways = rng.uniform(-1, 1, (4000, 3)), directions(rng, 4000)
     found = first(empty, origins, ways, 0.0, 0.7)
-    room = 3 * 2.0 / 127.0
+    room = 2 * 2.0 / 63.0
     enter, leave = spans(low - room, high + room, origins, ways)
     near = np.where(np.maximum(enter, 0.0) <= np.minimum(leave, 0.7), np.maximum(enter, 0.0), np.inf).min(axis=1)
     assert (found >= near).all()
@@ -81,7 +83,7 @@ def test_it_stops_no_sooner_than_near_something() -> None:
 
 def test_where_it_stops_it_stops_again() -> None:
     rng = np.random.default_rng(3)
-    empty = known(occupancy(BOX, *things(rng, 30, 0.1)))
+    empty = known(BOX, *things(rng, 30, 0.1))
     origins, ways = rng.uniform(-1, 1, (500, 3)), directions(rng, 500)
     found = first(empty, origins, ways, 0.0, np.inf)
     stopped = np.isfinite(found)
@@ -89,7 +91,7 @@ def test_where_it_stops_it_stops_again() -> None:
 
 
 def test_rays_that_stand_still_or_never_come_near() -> None:
-    empty = known(occupancy(BOX, [[-0.1, -0.1, -0.1]], [[0.1, 0.1, 0.1]]))
+    empty = known(BOX, np.full((1, 3), -0.1), np.full((1, 3), 0.1))
     origins = np.array([[0.0, 0, 0], [0.9, 0.9, 0.9], [5.0, 0, 0], [5.0, 0, 0], [-5.0, 0, 0], [0.0, 5.0, 0.0]])
     ways = np.array([[0.0, 0, 0], [0.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]])
     found = first(empty, origins, ways, 0.0, np.inf)

@@ -25,7 +25,7 @@ from scenefold.render.first_cells import first_cells
 from scenefold.render.job import Job, RenderOptions
 from scenefold.render.layers import Pixels, in_order
 from scenefold.render.numbers import camera_numbers, depth_of_box, job_box, job_numbers
-from scenefold.render.occupied import empty_space, occupied_by, packed_grids, united, unpacked_grids
+from scenefold.render.occupied import empty_space, occupied_by, packed, united, unpacked
 from scenefold.render.pass_sums import PassSums
 from scenefold.render.sealed_keys import NO_KEYS
 from scenefold.render.sum_columns import SumColumns
@@ -149,8 +149,8 @@ class Rig:
     def empty_space(self, partition: Partition) -> EmptySpace:
         """As nodes find it together."""
         nodes = range(partition.nodes)
-        told = (packed_grids(occupied_by(self.tables, self.held(partition, me).arrays, partition, me)) for me in nodes)
-        return empty_space(self.tables, unpacked_grids(united(told)))
+        told = (packed(occupied_by(self.tables, self.held(partition, me).arrays, partition, me)) for me in nodes)
+        return empty_space(self.tables, unpacked(united(told)))
 
     def run(self, job: Job, shuffle: np.random.Generator | None = None, piece: int = 1 << 30, *, skips: bool = False) -> Rendered:
         """The whole job; with `shuffle`, batches are mixed and cut into pieces of at most `piece` rays. `skips`: over cells that are empty."""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
-from scenefold.render.arrays import U64, EmptySpace
+from scenefold.render.arrays import U8, EmptySpace
 from scenefold.render.contract import SkippingTracer, Tracer
-from scenefold.render.occupied import empty_space, occupied_by, packed_grids, unpacked_grids
+from scenefold.render.occupied import empty_space, occupied_by, packed, unpacked
 from scenefold.render.pool.share import LANE, LoadedShare
 from scenefold.world import Workers
 
@@ -19,7 +19,7 @@ class Emptiness:
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
-        self._grids: U64 | None = None
+        self._occupied: U8 | None = None
         self._space: EmptySpace | None = None
         self.told = b""
         """Where this node holds something, until all is known; empty if its tracers pass rays over nothing."""
@@ -27,23 +27,22 @@ class Emptiness:
     async def find(self, loaded: LoadedShare, cells: Partition, me: int, tracers: Sequence[Tracer]) -> None:
         """Where this node holds something, for the organiser. Of a node without neighbours nobody needs to know."""
         if cells.nodes > 1 and all(isinstance(tracer, SkippingTracer) for tracer in tracers):
-            grids = await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me)
-            self.told = await self._workers.run(LANE, packed_grids, grids)
+            self.told = packed(await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me))
 
-    async def see(self, packed: object, loaded: LoadedShare, tracers: Sequence[Tracer]) -> None:
+    async def see(self, told: object, loaded: LoadedShare, tracers: Sequence[Tracer]) -> None:
         """Where any node holds something; nothing is traced yet. PeerFault if that is ill-formed."""
-        grids = await self._workers.run(LANE, unpacked_grids, packed)
-        self._space = await self._workers.run(LANE, empty_space, loaded.tables, grids)
-        self._grids, self.told = grids, b""
+        occupied = unpacked(told)
+        self._space = await self._workers.run(LANE, empty_space, loaded.tables, occupied)
+        self._occupied, self.told = occupied, b""
         self.use_in(tracers)
 
     async def check(self, loaded: LoadedShare, cells: Partition, me: int) -> None:
         """Refused (16) if something lies where nothing was: rays that are under way were passed over it."""
-        known = self._grids
+        known = self._occupied
         if known is None:
             return
-        grids = await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me)
-        if (grids & ~known).any():
+        occupied = await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me)
+        if (occupied > known).any():
             raise Refused(RejectReason.NOT_READY, "the scene was changed while it is rendered", remedy="start the render again")
 
     def use_in(self, tracers: Sequence[Tracer]) -> None:

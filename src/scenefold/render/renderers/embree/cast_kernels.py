@@ -305,13 +305,14 @@ def find_owners(rays, family, cells, empty, low, high, me, owners, scratch):  # 
             dx, dy, dz = np.float64(directions[lane]), np.float64(directions[LANES + lane]), np.float64(directions[2 * LANES + lane])
             t_in, t_out = box_span(x, y, z, dx, dy, dz, low, high)
         t = t_of_step(step, t_in, t_out)
-        if empty.reach.shape[0] > 0:
+        owner = owner_ahead(family, cells, x + dx * t, y + dy * t, z + dz * t, dx, dy, dz)
+        # What goes on here is cast here anyway: to look ahead would cost more.
+        if owner != me and empty.reach.shape[0] > 0:
             t_met = first_met(empty, x, y, z, dx, dy, dz, t, t_out)
             if t_met == math.inf:
                 set_t_done(rays, i, 65535)
-                owners[i] = me
-                continue
-            if t_met > t:
+                owner = me
+            elif t_met > t:
                 set_t_done(rays, i, step_before(t_met, t_in, t_out, step))
-                t = t_met
-        owners[i] = owner_ahead(family, cells, x + dx * t, y + dy * t, z + dz * t, dx, dy, dz)
+                owner = owner_ahead(family, cells, x + dx * t_met, y + dy * t_met, z + dz * t_met, dx, dy, dz)
+        owners[i] = owner
