@@ -96,7 +96,10 @@ def _missed(node: NodeId, silent_ms: int, name: str, before: SceneLogPublic) -> 
 def _in_use(mode: SceneMode, where: str, name: str) -> Refused:
     """Of a change of the mode: mostly somebody uses the scene, and what helps against that helps against the rest as well."""
     work = "somebody renders" if mode is SceneMode.EDIT else "somebody edits"
-    what = f"not now: {work} the scene, by a lease that a node has lent, or a node that decides its log has too much to do"
+    what = (
+        f"not now: {work} the scene, by a lease that a node has lent, or may do so by one that it lent before it was started anew, "
+        "or a node that decides its log has too much to do"
+    )
     remedy = f"wait until that has ended; `scenectl scene mode {name} {mode.name.lower()} --force` ends it"
     return Refused(RejectReason.BUSY, what, where=where, remedy=remedy)
 
