@@ -1,4 +1,6 @@
-"""If this fails, a polite change of the mode cuts off who edits by a lease that a participant lent before it was killed and started again, or never comes."""
+"""If this fails, a polite change of the mode cuts off who edits by a lease that a participant lent before it was killed and started again, or never comes.
+
+Nor does it when one of them is killed for good."""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ from simulation.test_editing import modes, place
 DECIDERS = (1, 2, 3)
 """The cluster's voter is none of them, so that nobody waits for another lease than that of the scene."""
 CHANGE_S_MAX = 5.0
-"""Of one that asks nobody, as of all others behind a death."""
+"""Of one that asks nobody, as of all others behind a death (specs/25-consensus.md, Where it may die)."""
 
 
 @asynccontextmanager
@@ -102,5 +104,18 @@ def test_who_insists_asks_it_no_more_than_others() -> None:
         shown = await set_mode(court.scene.access, SceneMode.RENDER, lambda _: decided.append(trio.current_time()), force=True)
         assert shown.is_active and decided and decided[0] - began < CHANGE_S_MAX
         assert trio.current_time() - began >= T_LEASE_S, "and what it lent was over before anybody could act by that"
+
+    held(4, main)
+
+
+def test_behind_a_death_the_mode_changes_soon_and_is_active_when_what_the_dead_one_lent_is_over() -> None:
+    async def main(court: Court) -> None:
+        await court.create(*DECIDERS)
+        await trio.sleep(T_WAIT_S)
+        court.crash(DECIDERS[-1])
+        began, decided = trio.current_time(), list[float]()
+        shown = await set_mode(court.scene.access, SceneMode.RENDER, lambda _: decided.append(trio.current_time()))
+        assert shown.is_active and decided and decided[0] - began < CHANGE_S_MAX
+        assert T_LEASE_S <= trio.current_time() - decided[0] < T_WAIT_S + 2.0
 
     held(4, main)

@@ -1,4 +1,4 @@
-"""If this fails, the mode changes under who edits or renders by a lease that a participant lent before it was started anew (specs/26-modes.md, Consent)."""
+"""If this fails, the mode changes under who edits or renders by a lease that a participant lent before it was started anew (specs/26-modes.md, The switch)."""
 
 from __future__ import annotations
 
