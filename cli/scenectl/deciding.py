@@ -16,6 +16,9 @@ from scenectl.values import ONE_WORD, Addresses, AddressOption, is_digits
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DECIDERS_MAX
 
+FEW_CHANGES = 20
+"""Below so many it is said how many are left: to replace one node takes two of them."""
+
 if TYPE_CHECKING:
     from scenefold.client import Deciders
     from scenefold.client.relieving import Relieved
@@ -173,7 +176,16 @@ def deciders_text(found: Deciders) -> str:
         text = f"{nodes} decide; {found.majority} of the {len(found.nodes)} must agree."
     if found.lost:
         text += lost_text(found.lost, found)
-    return text + (f"\nObservers: {addresses_text(found.observers)}." if found.observers else "")
+    text += f"\nObservers: {addresses_text(found.observers)}." if found.observers else ""
+    return text + (changes_text(found.changes_left) if found.changes_left < FEW_CHANGES else "")
+
+
+def changes_text(left: int) -> str:
+    """How often they can still change, and what helps when they cannot."""
+    from scenefold.client.offers import times_text
+
+    helps = "`scenectl scene export` and `scenectl scene import-archive` make a new scene of it, in which they can"
+    return f"\nWho decides can change {times_text(left)} in this scene's life; each node that is added or removed is one change. {helps}."
 
 
 def lost_text(lost: Sequence[NodeId], found: Deciders) -> str:

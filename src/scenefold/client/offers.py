@@ -9,7 +9,7 @@ from scenefold.base.errors import DamagedData, PeerFault, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import SCENES_LISTED_MAX, SCENES_PER_USER_MAX
 from scenefold.base.reasons import RejectReason
-from scenefold.scene.log import check_decided
+from scenefold.scene.log import CHANGES_MAX, changes_left, check_decided
 from scenefold.wire import AcceptSceneProposal, ProposeSceneLog, RejectSceneProposal, SceneLogPublic, SceneMode
 
 NOBODY = NodeId(0)
@@ -63,6 +63,13 @@ def refusal_of(
             return Refused(reason, what, where=f"scene {name}", remedy=remedy)
         if reason is RejectReason.BUSY and after is not None and after.mode is not before.mode:
             return _in_use(after.mode, where, name)
+        if (
+            reason is RejectReason.LIMIT_EXCEEDED
+            and after is not None
+            and after.participants != before.participants
+            and not changes_left(before)
+        ):
+            return no_change_left(name, where=where)
         return _refusal_of_participants(reason, where, name)
     if reason is RejectReason.LIMIT_EXCEEDED:
         what = f"the cluster takes no more scenes: {SCENES_PER_USER_MAX} of one user, {SCENES_LISTED_MAX} in all"
@@ -96,9 +103,38 @@ def _missed(node: NodeId, silent_ms: int, name: str, before: SceneLogPublic) -> 
 def _in_use(mode: SceneMode, where: str, name: str) -> Refused:
     """Of a change of the mode: mostly somebody uses the scene, and what helps against that helps against the rest as well."""
     work = "somebody renders" if mode is SceneMode.EDIT else "somebody edits"
-    what = f"not now: {work} the scene, by a lease that a node has lent, or a node that decides its log has too much to do"
+    what = (
+        f"not now: {work} the scene, by a lease that a node has lent, or may do so by one that it lent before it was started anew, "
+        "or a node that decides its log has too much to do"
+    )
     remedy = f"wait until that has ended; `scenectl scene mode {name} {mode.name.lower()} --force` ends it"
     return Refused(RejectReason.BUSY, what, where=where, remedy=remedy)
+
+
+def no_change_left(name: str, *, where: str = "") -> Refused:
+    """Of participants that change no more."""
+    what = f"the nodes that decide the scene's log have changed {CHANGES_MAX} times, as often as they can in its life"
+    return Refused(RejectReason.LIMIT_EXCEEDED, what, where=where or f"scene {name}", remedy=_anew(name))
+
+
+def one_change_left(name: str, leaving: NodeId | None) -> Refused:
+    """Too few for another one in somebody's place. `leaving`: who that is, if the others can do without."""
+    what = "the nodes that decide the scene's log can change once more in its life, and to replace one of them takes two changes"
+    remedy = _anew(name)
+    if leaving is not None:
+        alone = f"`scenectl scene remove-participant {name} {address_of(leaving)}`"
+        remedy = f"{alone} lets it decide no more, and nobody in its place; or {remedy}"
+    return Refused(RejectReason.LIMIT_EXCEEDED, what, where=f"scene {name}", remedy=remedy)
+
+
+def times_text(left: int) -> str:
+    """How often something can be done."""
+    return "no more" if not left else "once more" if left == 1 else f"{left} more times"
+
+
+def _anew(name: str) -> str:
+    archive = f"`scenectl scene export {name} {name}.tar`, and `scenectl scene import-archive {name}.tar --scene ANOTHER`"
+    return f"put its content into a new scene, which begins anew with that: {archive}"
 
 
 def _observes(node: NodeId, header: SceneLogPublic) -> bool:
@@ -124,8 +160,7 @@ def _refusal_of_participants(reason: RejectReason, where: str, name: str) -> Ref
             what = "the nodes that decide the scene's log do not know yet what became of it"
             return Refused(reason, what, where=where, remedy="try again in a while")
         case RejectReason.LIMIT_EXCEEDED:
-            what = "the scene's log is too long for this, or who decides it has changed as often as it can"
-            return Refused(reason, what, where=where)
+            return Refused(reason, "the scene's log is too long for this", where=where, remedy=_anew(name))
         case _:
             words = reason.name.lower().replace("_", " ")
             return Refused(reason, f"the nodes that decide the scene's log refused it: {words}", where=where, remedy=see)

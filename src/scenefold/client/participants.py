@@ -13,7 +13,7 @@ from scenefold.base.limits import DECIDERS_MAX
 from scenefold.client.access import SceneAccess
 from scenefold.client.attendance import check_majority, has_majority, present_among
 from scenefold.client.requests import Request
-from scenefold.scene.log import SceneLog
+from scenefold.scene.log import CHANGES_MAX, SceneLog, changes_left
 from scenefold.wire import AddParticipant, Batch, LogEntry, Member, ParticipantEntry, RemoveParticipant, SceneLogPublic, SingleEntry
 
 
@@ -29,6 +29,8 @@ class Deciders:
     """The participants, each in the life in which it was named."""
     lost: tuple[NodeId, ...] | None = None
     """Those of them whose disk was lost, or that were removed from the cluster: they vote no more. None: nobody has looked."""
+    changes_left: int = CHANGES_MAX
+    """How often they can still change, in the scene's life."""
 
     def judged(self, registered: Mapping[NodeId, bytes]) -> Deciders:
         """With who votes no more, by the lives that the cluster's log has."""
@@ -51,6 +53,7 @@ class Deciders:
             "by_origin_alone": not self.participants,
             "majority": self.majority,
             "observers": [address_of(node) for node in self.observers],
+            "changes_left": self.changes_left,
         } | ({} if self.lost is None else {"lost": [address_of(node) for node in self.lost]})
 
 
@@ -134,6 +137,7 @@ def _leaving(name: str, node: NodeId, log: SceneLog) -> LogEntry:
 def deciders_in(header: SceneLogPublic) -> Deciders:
     """As a header names them."""
     participants, observers = ([NodeId(entry.member.node) for entry in entries] for entries in (header.participants, header.observers))
+    members = tuple(entry.member for entry in header.participants)
     return Deciders(
-        NodeId(header.origin), tuple(participants), tuple(observers), header.position, tuple(entry.member for entry in header.participants)
+        NodeId(header.origin), tuple(participants), tuple(observers), header.position, members, changes_left=changes_left(header)
     )

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused, Unreachable
 from scenefold.base.ids import NodeId, SceneId, address_of
+from scenefold.client.offers import no_change_left, one_change_left
 from scenefold.client.trusted import able, entry_of
+from scenefold.scene.log import changes_left
 from scenefold.wire import SceneLogPublic, SceneMode
 
 if TYPE_CHECKING:
@@ -56,7 +58,7 @@ async def relieve(cluster: Cluster, node: NodeId, by: NodeId | None = None, *, d
         if node not in _deciding(header):
             continue
         name, heir = names.get(header.genesis), _heir(header, view, node, by, cluster.calls.is_silent)
-        problem = _hopeless(header, name, heir)
+        problem = _hopeless(header, name, node, heir)
         if not problem and not dry_run and name is not None:
             problem = await _replaced(cluster, name, header, view, node, heir)
         found.append(Relieved(header.scene, name, None if problem else heir, problem))
@@ -98,13 +100,20 @@ def _heir(header: SceneLogPublic, view: LogView, node: NodeId, by: NodeId | None
     return min(others, key=lambda other: (is_silent(other), other), default=None)
 
 
-def _hopeless(header: SceneLogPublic, name: str | None, heir: NodeId | None) -> str:
+def _hopeless(header: SceneLogPublic, name: str | None, node: NodeId, heir: NodeId | None) -> str:
+    """Why not to begin; empty if it may come to its end."""
     if not header.participants:
         return "it is decided where scenes of this cluster begin; `scenectl scene add-participant` lets others do so"
     if name is None:
         return _NO_KEY
     if heir is None and len(header.participants) == 1:
         return "nobody else is trusted who could decide it"
+    left = changes_left(header)
+    if not left:
+        return str(no_change_left(name))
+    if left == 1 and heir is not None:
+        # Who is removed first, and then cannot be replaced, leaves one fewer for ever.
+        return str(one_change_left(name, node if len(header.participants) > 1 else None))
     return ""
 
 

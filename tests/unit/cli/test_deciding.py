@@ -51,12 +51,22 @@ def test_an_even_number_is_warned_of() -> None:
             "that you own; or remove-participant, and then add-participant.",
         ),
         (Deciders(A, (A,), (B,), 4), "127.0.0.2 decides alone.\nObservers: 127.0.0.3."),
+        (Deciders(A, (A,), (), 4, changes_left=20), "127.0.0.2 decides alone."),
+        *(
+            (
+                Deciders(A, (A,), (), 4, changes_left=left),
+                f"127.0.0.2 decides alone.\nWho decides can change {times} in this scene's life; each node that is added or removed is one "
+                "change. `scenectl scene export` and `scenectl scene import-archive` make a new scene of it, in which they can.",
+            )
+            for left, times in ((19, "19 more times"), (1, "once more"), (0, "no more"))
+        ),
     ],
 )
 def test_who_decides_is_said_in_a_sentence(found: Deciders, text: str) -> None:
     assert deciders_text(found) == text
     document = found.document()
     assert document["by_origin_alone"] is (not found.participants) and len(document["decided_by"]) >= document["majority"]
+    assert document["changes_left"] == found.changes_left
 
 
 def test_a_request_is_read_as_errors_name_it() -> None:

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 from trio.testing import MockClock
 
-from scenefold.base.errors import LocalFault
+from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId, node_id_of
+from scenefold.base.reasons import RejectReason
 from scenefold.client.relieving import Relieved, relieve
 from scenefold.crypto import SigningKey
 from scenefold.world.keyring import Keyring
@@ -80,3 +81,51 @@ async def test_what_cannot_be_done_is_told_and_left(autojump_clock: MockClock, t
     council.trusted, council.away = (A, B), {B}
     (pair,) = await relieve(cluster, node_id_of(B))
     assert "answers and has the newest" in pair.problem and await deciders(cluster, "pair") == taking_part(B)
+
+
+def may_change(times: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So often in a scene's life, its first participants counted."""
+    for module in ("scene.log.certified", "peer.scene_log.scene_judge", "client.offers"):
+        monkeypatch.setattr(f"scenefold.{module}.CHANGES_MAX", times)
+
+
+async def test_nobody_is_removed_who_could_not_be_replaced_any_more(
+    autojump_clock: MockClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    may_change(4, monkeypatch)
+    council = FakeCouncil(trusted=(A, B, C, D))
+    cluster = cluster_of(council, tmp_path)
+    await cluster.scenes.create("kitchen", participants=taking_part(A, B, C))
+    scene = await cluster.scenes.open("kitchen")
+    await scene.add_participants([council.entry(node_id_of(E))])
+    assert (await scene.deciders()).changes_left == 2
+    (planned,) = await relieve(cluster, node_id_of(B), dry_run=True)
+    assert (planned.by, planned.problem) == (node_id_of(D), ""), "two are enough"
+
+    found = await scene.remove_participant(node_id_of(E))
+    assert found.document()["changes_left"] == 1
+    for dry_run in (True, False):
+        (told,) = await relieve(cluster, node_id_of(B), dry_run=dry_run)
+        assert told.by is None and "once more in its life, and to replace one of them takes two changes" in told.problem
+        assert f"scene remove-participant kitchen {B}` lets it" in told.problem and "scene export kitchen kitchen.tar" in told.problem
+    assert await deciders(cluster, "kitchen") == taking_part(A, B, C)
+    assert (await scene.remove_participant(node_id_of(B))).changes_left == 0
+    with pytest.raises(
+        Refused, match=r"have changed 4 times, as often as they can in its life.*scene import-archive kitchen\.tar"
+    ) as refused:
+        await scene.add_participants([council.entry(node_id_of(D))])
+    assert refused.value.reason is RejectReason.LIMIT_EXCEEDED
+    (told,) = await relieve(cluster, node_id_of(C))
+    assert "have changed 4 times" in told.problem
+    assert await deciders(cluster, "kitchen") == taking_part(A, C)
+
+
+async def test_the_last_one_that_cannot_be_replaced_decides_on(
+    autojump_clock: MockClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    may_change(2, monkeypatch)
+    cluster = cluster_of(FakeCouncil(trusted=(A, B)), tmp_path)
+    await cluster.scenes.create("kitchen", participants=taking_part(A))
+    (told,) = await relieve(cluster, node_id_of(A))
+    assert "takes two changes" in told.problem and "remove-participant" not in told.problem
+    assert await deciders(cluster, "kitchen") == taking_part(A)

@@ -209,10 +209,11 @@ class SceneModes(Owner):
     # ------------------------------------------------------------------------------------------------- for the log
 
     def veto(self, value: Value | None) -> RejectReason | None:
+        """13 against a change of the mode, as `check_proposal` says it: what was lent before a start is minded as what is lent now."""
         if value is None or not self._is_switch(value):
             return None
         self.ask_back()
-        return RejectReason.BUSY if self.standing.lender.borrowers(self._now()) else None
+        return RejectReason.BUSY if self.is_live else None
 
     def insisted(self, value: Value) -> None:
         if self._is_switch(value):

@@ -6,7 +6,7 @@ Light to import: numpy and the curves come with the first position that is asked
 from scenefold.scene.log.affine import Affine
 from scenefold.scene.log.book import SceneLog
 from scenefold.scene.log.bytes import OpenedLog, open_private, seal_private, sign_record, sign_snapshot
-from scenefold.scene.log.certified import BY_PARTICIPANTS, CHANGES_MAX, changes_before, decided_by_votes
+from scenefold.scene.log.certified import BY_PARTICIPANTS, CHANGES_MAX, changes_before, changes_left, decided_by_votes
 from scenefold.scene.log.decisions import Decider, check_decided, check_log, check_told, decided, hash_of_log
 from scenefold.scene.log.first import first_entry, first_log, first_record
 from scenefold.scene.log.following import Draft, Followed, follow, header_keys, keys_after, keys_with_log, lockbox_for, signed_header
@@ -47,6 +47,7 @@ __all__ = [
     "Turn",
     "Undecided",
     "changes_before",
+    "changes_left",
     "check_decided",
     "check_granter",
     "check_log",

@@ -71,6 +71,11 @@ def changes_before(public: SceneLogPublic) -> int:
     return len(_changes(public))
 
 
+def changes_left(public: SceneLogPublic) -> int:
+    """How often those who decide can still change, behind this decided header."""
+    return max(0, CHANGES_MAX - changes_before(public))
+
+
 def began_with(public: SceneLogPublic) -> bytes:
     """The certificate by which the origin had others decide, once for all; empty if it decides alone."""
     decision = public.decision

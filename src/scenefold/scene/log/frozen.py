@@ -1,6 +1,7 @@
 """What nobody adds to a log while its scene is rendered: whatever changes what is read for an image (specs/26-modes.md, Who). Pure.
 
-Logs of former versions hold spaces that were made or moved in render mode, and are folded as ever; who adds to one does not.
+Logs of former versions hold spaces that were made or moved in render mode, and are folded as ever; who adds to one does not. Nor does he leave
+a mode and come back to it in one record: of a record who decides sees the mode behind it alone, so nobody would be asked, nor wait.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from scenefold.base.errors import Refused
 from scenefold.base.ids import SpaceId
 from scenefold.base.reasons import RejectReason
 from scenefold.scene.log.space import LoggedSpace
-from scenefold.wire import Batch, CreateSpace, LogEntry, ScaleSpace, SceneMode, SetCopies, SetMode, TranslateSpace
+from scenefold.wire import Batch, CreateSpace, EndScene, LogEntry, ScaleSpace, SceneMode, SetCopies, SetMode, TranslateSpace
 
 
 def frozen(what: str) -> Refused:
@@ -21,12 +22,19 @@ def frozen(what: str) -> Refused:
 
 
 def check_mode(mode: SceneMode, spaces: Mapping[SpaceId, LoggedSpace], entry: LogEntry) -> SceneMode:
-    """Refused (9) if an entry makes or changes a space in render mode, other than those for the output of renders. Gives the mode behind it.
+    """Refused (9) if an entry makes or changes a space in render mode, other than those for the output of renders; (5) if it is a batch that
+    changes the mode more than once. Gives the mode behind it.
 
     `spaces`: those of the log before it.
     """
     match entry:
         case Batch(entries):
+            if sum(isinstance(one, SetMode | EndScene) for one in entries) > 1:
+                what, remedy = (
+                    "one record sets the scene's mode once at most",
+                    "set it, and wait until that mode is active, before what needs it",
+                )
+                raise Refused(RejectReason.ILL_FORMED, what, where="scene log", remedy=remedy)
             for one in entries:
                 mode = check_mode(mode, spaces, one)
             return mode

@@ -31,6 +31,7 @@ from scenefold.scene.log import (
 from scenefold.scene.log.turns import shift_of, shifted
 from scenefold.wire import (
     Batch,
+    BeginPurge,
     CreateSpace,
     CurveKind,
     LogEntry,
@@ -111,7 +112,7 @@ FIFTH = Location.from_number(5)
         ScaleSpace(HALL, 2.0),
         SetCopies(HALL, 1, 1),
         Batch((TranslateSpace(SpaceId(40), (1.0, 2.0, 3.0)), ScaleSpace(HALL, 2.0))),
-        Batch((SetMode(SceneMode.EDIT), SetMode(SceneMode.RENDER), ScaleSpace(HALL, 2.0))),
+        Batch((SetMode(SceneMode.RENDER), ScaleSpace(HALL, 2.0))),
     ],
     ids=lambda entry: type(entry).__name__,
 )
@@ -153,6 +154,21 @@ def test_a_shadow_is_for_the_output_of_renders_if_what_it_copies_is() -> None:
     shadow = space(space=SpaceId(50), name="shadow", parent=HALL, offset=FIFTH, render_output=True)
     with pytest.raises(Refused, match="in render mode: no space is made but for the output of renders"):
         log.apply(log.next_record(shadow, b"r" * 16, ORIGIN))
+
+
+@pytest.mark.parametrize(
+    "hidden", [TranslateSpace(HALL, (1.0, 2.0, 3.0)), RenderSettings(samples=16), BeginPurge()], ids=lambda entry: type(entry).__name__
+)
+@pytest.mark.parametrize("there", [SceneMode.RENDER, SceneMode.EDIT], ids=lambda mode: mode.name.lower())
+def test_nobody_leaves_a_mode_and_comes_back_to_it_in_one_record(there: SceneMode, hidden: Any) -> None:
+    """Its header would show the mode of before, and who decides would take it for no change of the mode."""
+    log = with_entries(space(), SetMode(there))
+    record = log.next_record(Batch((SetMode(SceneMode.EDIT), hidden, SetMode(there))), b"r" * 16, ORIGIN)
+    with pytest.raises(Refused, match="sets the scene's mode once at most") as refused:
+        log.apply(record)
+    assert refused.value.reason is RejectReason.ILL_FORMED
+    read = log.extended((record,))
+    assert (read.position, read.mode) == (log.position + 1, there), "who reads a log takes it as it is, alike at all"
 
 
 def at(number: int) -> Location:

@@ -64,9 +64,13 @@ def test_nothing_is_well_formed_behind_it_in_its_record_or_the_log(later: list[L
 
 
 def test_it_may_end_a_batch_and_a_whole_log() -> None:
-    batch = Batch((SetMode(SceneMode.RENDER), SetMode(SceneMode.EDIT), EndScene()))
     log = first_log(GENESIS, ORIGIN, grant(1, Role.OWNER), copies=1)
-    assert log.apply(log.next_record(batch, bytes(16), ORIGIN)).mode is SceneMode.ENDED
+    ended = log.apply(log.next_record(Batch((space(), EndScene())), bytes(16), ORIGIN))
+    assert ended.mode is SceneMode.ENDED
+    round_about = log.next_record(Batch((SetMode(SceneMode.RENDER), SetMode(SceneMode.EDIT), EndScene())), bytes(16), ORIGIN)
+    with pytest.raises(Refused, match="once at most"):
+        log.apply(round_about)
+    assert log.extended((round_about,)).mode is SceneMode.ENDED, "as it is read"
 
 
 def test_it_does_not_end_while_it_is_rendered_nor_before_it_began() -> None:
