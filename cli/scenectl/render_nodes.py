@@ -61,9 +61,9 @@ def rows_of(before: Moment, now: Moment) -> list[tuple[str, ...]]:
     """The table's cells, a row for each node."""
     seconds = max(now.at - before.at, 1e-9)
     former = {node.address: node for node in before.nodes}
-    held = [node.triangles for node in now.nodes]
+    away = [address for address in now.stand.lost if now.stand.lost.count(address) > now.stand.back.count(address)]
     # Each pool has all of it.
-    triangles = max(sum(held) / now.stand.pools, 1)
+    triangles = max(sum(node.triangles for node in now.nodes if node.address not in away) / now.stand.pools, 1)
     casts = max(sum(node.casts for node in now.nodes), 1)
     rows: list[tuple[str, ...]] = []
     for node in now.nodes:

@@ -11,12 +11,15 @@ import trio
 
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import address_of
+from scenefold.partition import Partition
 from scenefold.render.arrays import NOTHING_KNOWN
 from scenefold.render.job import RenderOptions
+from scenefold.render.occupied import packed, pieces_of, unpacked
 from scenefold.render.pool import comebacks, organiser
 from scenefold.render.pool.emptiness import Emptiness
 from scenefold.render.pool.request import organiser_of
-from scenefold.render.rehearsal.pool import Records, memory_pool, sha256_of
+from scenefold.render.pool.share import read_tables
+from scenefold.render.rehearsal.pool import MemoryReader, Records, memory_pool, sha256_of
 from scenefold.render.renderers.embree.tracer import EmbreeTracer
 from scenefold.wire import CancelJob
 from scenefold.world.real.world import offline_world
@@ -66,7 +69,6 @@ async def test_rays_are_passed_over_what_is_empty(
     assert len(knowing) == NODES
     assert "occupied" not in str(state["nodes"]), "nobody else needs to know"
     # Where a node tells nothing, nobody skips anything.
-    monkeypatch.setattr(Emptiness, "told", "", raising=False)
     knowing.clear()
 
     async def tells_nothing(self: Emptiness, *_: object) -> None:
@@ -116,8 +118,8 @@ async def test_who_comes_back_knows_it(room: Records, knowing: list[EmbreeTracer
         _, state = await pool.finished(JOB, owner)
         assert state["back"] == [address_of(victim)]
     assert all(tracer._empty is not NOTHING_KNOWN for tracer in knowing)
-    # Three at first, two that carved up the third one's cell, all of a fresh division, and before that who came back, in its first cell.
-    assert len(knowing) >= 9
+    # Three at first, two that carved up the third one's cell, who came back, in its first cell, and those whose cells of a fresh division are others.
+    assert len(knowing) >= 8
 
 
 async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
@@ -137,6 +139,36 @@ async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
         with pytest.raises(Refused, match="changed while it is rendered"):
             await emptiness.check(held.loaded, partition, 0)
         await pool.ask(owner, CancelJob(job=JOB))
+
+
+async def test_who_holds_something_where_nothing_is_said_to_be_begins_nothing(room: Records) -> None:
+    """It read its cell before or behind an edit, and another node did not."""
+    async with memory_pool(offline_world(), room, 2) as pool:
+        owner = await pool.start(JOB, OPTIONS)
+        while not (await pool.state(JOB, owner))["closed"]:
+            await pool.world.clock.sleep(0.005)
+        moving = pool.hosts[pool.nodes[0]].service._part(JOB)._moving
+        assert moving.held is not None
+        emptiness, held = moving.emptiness, moving.held
+        await emptiness.find(held.loaded, held.cell.division.pools[0], 0, held.cell.tracers)
+        mine = unpacked(emptiness.told)
+        less = mine.copy()
+        less.reshape(-1)[np.flatnonzero(mine)[-1]] = 0
+        with pytest.raises(Refused, match="changed while it is rendered"):
+            await emptiness.see(packed(less), held.loaded, held.cell.tracers)
+        await emptiness.see(packed(mine), held.loaded, held.cell.tracers)
+        await pool.ask(owner, CancelJob(job=JOB))
+
+
+def test_a_large_share_is_marked_in_pieces(room: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker cannot be interrupted."""
+    tables = trio.run(read_tables, MemoryReader(room), offline_world().workers)
+    partition = Partition.voronoi([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    (piece,) = pieces_of(tables, partition, 0)
+    monkeypatch.setattr("scenefold.render.occupied.PIECE_TRIANGLES", 1)
+    pieces = pieces_of(tables, partition, 0)
+    assert [group for some in pieces for group in some.groups.tolist()] == piece.groups.tolist()
+    assert np.concatenate([some.dilations for some in pieces]).tolist() == piece.dilations.tolist()
 
 
 @pytest.mark.parametrize("occupied", [7, b"no voxels", "voxels"])

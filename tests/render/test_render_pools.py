@@ -15,14 +15,16 @@ from render.test_resume import interrupted, resumed
 from scenefold.base.errors import PeerFault, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.rays import RAY_BYTES
+from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
 from scenefold.partition.division import Division
 from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE
 from scenefold.render.job import POOLS_THAT_FIT, RenderOptions
+from scenefold.render.levels import Adaptive
 from scenefold.render.passes import PassPlan
 from scenefold.render.pool import comebacks, dealing, organiser, share
 from scenefold.render.pool.budgets import budget_document, budget_told
-from scenefold.render.pool.dividing import Dividing
+from scenefold.render.pool.dividing import Dividing, Standing
 from scenefold.render.pool.image_memory import image_needs
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.own_passes import pass_owner
@@ -34,7 +36,7 @@ from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader
 from scenefold.scene.importers import atoms, prototypes
 from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.payloads.materials import Material
-from scenefold.wire import CancelJob, JobAnswer, JobState, JobStateReply, RayBatch, SendRays, pack_value, unpack_value
+from scenefold.wire import CancelJob, JobAnswer, JobState, JobStateReply, Packet, RayBatch, SendRays, pack_value, unpack_value
 from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(width=96, height=72, samples=160, seed=3, sky=(0.2, 0.3, 0.5), depth=4, algorithm="kd", pools=2)
@@ -156,7 +158,17 @@ async def test_whatever_the_network_does(room: Records, alone: str, faults: Faul
 
 
 @pytest.mark.usefixtures("all_help")
-async def test_levels_and_a_kept_film_go_on_in_other_pools(room: Records, alone: str) -> None:
+async def test_levels(room: Records) -> None:
+    images = []
+    for nodes in (1, 5):
+        async with memory_pool(offline_world(), room, nodes) as pool:
+            image, _ = await pool.render(JOB, replace(OPTIONS, samples=256, adaptive=Adaptive(0.15, 16)))
+            images.append(sha256_of(image))
+    assert images[0] == images[1]
+
+
+@pytest.mark.usefixtures("all_help")
+async def test_a_kept_film_goes_on_in_other_pools(room: Records, alone: str) -> None:
     for before, after in ((1, 3), (3, 2)):
         keep, film = await interrupted(room, replace(OPTIONS, pools=before), 3)
         image, state = await resumed(room, replace(OPTIONS, pools=after), 5, keep, film)
@@ -227,13 +239,47 @@ async def test_pools_that_do_not_hold_the_scene_any_more_are_formed_anew(room: R
     assert sizes == [3, 2], "and not four and one"
 
 
+@pytest.mark.usefixtures("heavy")
+@pytest.mark.expect_log("nodes go on")
+async def test_a_node_that_would_have_to_hold_all_of_it_beside_its_cell_is_no_pool_of_its_own(room: Records, alone: str) -> None:
+    async with memory_pool(offline_world(), room, 4) as pool:
+        for host in pool.hosts.values():
+            host.service.promises.most = 2 * IMAGE + 13 * await largest(room, 1) // 10
+        victim = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
+        image, state = await after_losing(pool, [victim], replace(OPTIONS, moving=False))
+    assert image == alone and state["pools"] == 1
+
+
+@pytest.mark.usefixtures("heavy")
+async def test_what_another_pool_holds_says_nothing_of_this_one(room: Records) -> None:
+    """Two nodes that are left of two pools have the same one cell, and only one of them held it before."""
+    whole = await largest(room, 1)
+    roomy, tight = IMAGE + 3 * whole, IMAGE + 13 * whole // 10
+    nodes = [NodeId(number) for number in range(1, 5)]
+    for algorithm in ("kd", "bounded-radial"):
+        dividing = await dividing_of(
+            room, replace(OPTIONS, algorithm=algorithm), dict(zip(nodes, [roomy, tight, tight, tight], strict=True))
+        )
+        first = dividing.first(nodes)
+        one = first.without({1}, 2)
+        assert await dividing.can_be(Standing(one, [nodes[0], *nodes[2:]]), Standing(first, nodes))
+        both = one.without({2}, 3)
+        assert not await dividing.can_be(Standing(both, [nodes[0], nodes[2]]), Standing(one, [nodes[0], *nodes[2:]]))
+        # Who stands where it stood needs nothing.
+        assert await dividing.can_be(Standing(one.with_epoch(7), [nodes[0], *nodes[2:]]), Standing(one, [nodes[0], *nodes[2:]]))
+
+
 async def largest(room: Records, size: int) -> int:
     """Bytes of the largest cell of a pool of so many."""
+    dividing = await dividing_of(room, OPTIONS, {})
+    return max(dividing._bytes_of(dividing._cells(size, 5)))
+
+
+async def dividing_of(room: Records, options: RenderOptions, free: dict[NodeId, int]) -> Dividing:
     tables = await read_tables(MemoryReader(room), offline_world().workers)
     camera = tables.camera(None)
     assert camera is not None
-    dividing = Dividing(offline_world().workers, tables, OPTIONS, camera, {}, 5)
-    return max(dividing._bytes_of(dividing._cells(size, 5)))
+    return Dividing(offline_world().workers, tables, options, camera, free, 5)
 
 
 @pytest.mark.expect_log("go on")
@@ -279,6 +325,23 @@ async def test_who_does_not_say_what_memory_it_has_is_no_node_to_render_with(ans
     with pytest.raises(PeerFault):
         budget_told(JobAnswer(job=0, reason=0, text=""), "here")
     assert budget_told(JobStateReply(job=0, document=pack_value(budget_document(-5))), "here") == 0
+
+
+@pytest.mark.parametrize("pools", [POOLS_THAT_FIT, 2])
+async def test_a_node_of_an_older_version_is_named(room: Records, pools: int) -> None:
+    async with memory_pool(offline_world(), room, 3) as pool:
+        deliver = pool.deliver
+        older = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
+
+        async def refusing(peer: str, node: NodeId, packet: Packet) -> Packet | None:
+            if node == older and isinstance(packet, JobState) and not packet.job:
+                raise Refused(RejectReason.NOT_READY, "this node takes no part in that job")
+            return await deliver(peer, node, packet)
+
+        pool.deliver = refusing  # type: ignore[method-assign]
+        owner = await pool.start(JOB, replace(OPTIONS, pools=pools))
+        state = await pool.until(JOB, owner, "done", "failed")
+    assert state["phase"] == "failed" and "older version" in state["failure"] and address_of(older) in state["failure"]
 
 
 async def test_only_nodes_are_told_what_memory_a_node_has(room: Records) -> None:

@@ -90,6 +90,8 @@ def _fault(pools: Sequence[Partition]) -> str:
         return "there is no pool"
     if len({one.epoch for one in pools}) > 1:
         return "its pools are of several epochs"
+    if not pools[0].epoch:
+        return "epoch 0 is no division's: rays that no cells have addressed yet say so"
     if sum(one.nodes for one in pools) > POOL_NODES_MAX:
         return f"it is for more than {POOL_NODES_MAX} nodes"
     return ""

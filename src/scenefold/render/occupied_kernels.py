@@ -15,28 +15,35 @@ _CUTS_MAX = 128
 
 
 @njit(error_model="numpy", _nrt=False)
-def _mark_triangle(occupied, low, per_voxel, p, dilation):
-    """p f64[3, 3]: its corners. It is cut into pieces of about a voxel, and the box of each piece counts."""
+def _voxels_along(p, a, b, per_voxel):
+    """Of the edge between two corners of p f64[3, 3]: how many parts of a voxel at most it has."""
     longest = 0.0
     for axis in range(3):
-        side = max(p[0, axis], max(p[1, axis], p[2, axis])) - min(p[0, axis], min(p[1, axis], p[2, axis]))
-        longest = max(longest, side * per_voxel[axis])
-    cuts = int(min(max(math.ceil(longest), 1.0), float(_CUTS_MAX)))
-    x0, y0, z0 = p[0, 0], p[0, 1], p[0, 2]
-    ux, uy, uz = (p[1, 0] - x0) / cuts, (p[1, 1] - y0) / cuts, (p[1, 2] - z0) / cuts
-    vx, vy, vz = (p[2, 0] - x0) / cuts, (p[2, 1] - y0) / cuts, (p[2, 2] - z0) / cuts
-    for i in range(cuts):
-        for j in range(cuts - i):
-            # Two triangles that are a parallelogram; at the long edge only the first of them, whose box is the same or less.
+        longest = max(longest, abs(p[b, axis] - p[a, axis]) * per_voxel[axis])
+    return int(min(max(math.ceil(longest), 1.0), float(_CUTS_MAX)))
+
+
+@njit(error_model="numpy", _nrt=False)
+def _mark_triangle(occupied, low, per_voxel, p, dilation):
+    """p f64[3, 3]: its corners. It is cut along its two shorter edges into pieces of about a voxel, and the box of each piece counts."""
+    n01, n12, n20 = _voxels_along(p, 0, 1, per_voxel), _voxels_along(p, 1, 2, per_voxel), _voxels_along(p, 2, 0, per_voxel)
+    # From the corner across from the longest edge.
+    a = 2 if n01 >= n12 and n01 >= n20 else 0 if n12 >= n20 else 1
+    b, c = (a + 1) % 3, (a + 2) % 3
+    cuts_u, cuts_v = _voxels_along(p, a, b, per_voxel), _voxels_along(p, a, c, per_voxel)
+    x0, y0, z0 = p[a, 0], p[a, 1], p[a, 2]
+    ux, uy, uz = (p[b, 0] - x0) / cuts_u, (p[b, 1] - y0) / cuts_u, (p[b, 2] - z0) / cuts_u
+    vx, vy, vz = (p[c, 0] - x0) / cuts_v, (p[c, 1] - y0) / cuts_v, (p[c, 2] - z0) / cuts_v
+    for i in range(cuts_u):
+        # Of the last parallelogram of a row a part lies beyond the long edge.
+        for j in range(int(math.ceil((1.0 - i / cuts_u) * cuts_v))):
             ax, ay, az = x0 + i * ux + j * vx, y0 + i * uy + j * vy, z0 + i * uz + j * vz
             bx, by, bz = ax + ux, ay + uy, az + uz
             cx, cy, cz = ax + vx, ay + vy, az + vz
-            lx, hx = min(ax, min(bx, cx)), max(ax, max(bx, cx))
-            ly, hy = min(ay, min(by, cy)), max(ay, max(by, cy))
-            lz, hz = min(az, min(bz, cz)), max(az, max(bz, cz))
-            if j < cuts - i - 1:
-                dx, dy, dz = bx + vx, by + vy, bz + vz
-                lx, hx, ly, hy, lz, hz = min(lx, dx), max(hx, dx), min(ly, dy), max(hy, dy), min(lz, dz), max(hz, dz)
+            dx, dy, dz = bx + vx, by + vy, bz + vz
+            lx, hx = min(min(ax, bx), min(cx, dx)), max(max(ax, bx), max(cx, dx))
+            ly, hy = min(min(ay, by), min(cy, dy)), max(max(ay, by), max(cy, dy))
+            lz, hz = min(min(az, bz), min(cz, dz)), max(max(az, bz), max(cz, dz))
             mark_box(occupied, low, per_voxel, lx - dilation, ly - dilation, lz - dilation, hx + dilation, hy + dilation, hz + dilation)
 
 

@@ -30,7 +30,7 @@ def test_pools_follow_one_another_and_every_place_is_in_one(sizes: list[int]) ->
         assert place in division.ranges[division.pool_at(place)]
 
 
-@given(SIZES, st.integers(0, 2**63 - 1))
+@given(SIZES, st.integers(1, 2**63 - 1))
 def test_what_is_sent_comes_as_it_was(sizes: list[int], epoch: int) -> None:
     division = Division.of([cells(size) for size in sizes], epoch)
     assert Division.from_document(unpack_value(pack_value(division.to_document()), what="a division")) == division
@@ -64,6 +64,7 @@ def test_nobody_is_left() -> None:
     [
         ((), "no pool"),
         ((cells(2), cells(2, epoch=2)), "several epochs"),
+        ((cells(2, epoch=0),), "epoch 0"),
         ((cells(100), cells(POOL_NODES_MAX - 99)), "more than"),
     ],
 )

@@ -11,7 +11,21 @@ from scenefold.partition.empty_walk_kernels import SIDE, fill_reach, firsts_met,
 from scenefold.render import occupied
 from scenefold.render.arrays import EmptySpace
 from unit.partition.cells import SEEDS, directions
-from unit.partition.test_occupancy import BOX, spans, things
+
+BOX = np.array([[-1.0, -1, -1], [1, 1, 1]])
+
+
+def things(rng: np.random.Generator, count: int, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes in BOX."""
+    low = rng.uniform(-1.0, 1.0 - size, (count, 3))
+    return low, low + size * rng.uniform(0, 1, (count, 3))
+
+
+def spans(low: np.ndarray, high: np.ndarray, origins: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each ray enters and leaves each box, by slabs: f64[n, m] twice; enters after it leaves: a miss."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, two = ((edge[None] - origins[:, None]) / ways[:, None] for edge in (low, high))
+    return np.minimum(one, two).max(axis=2), np.maximum(one, two).min(axis=2)
 
 
 def known(box: np.ndarray, low: np.ndarray, high: np.ndarray) -> EmptySpace:

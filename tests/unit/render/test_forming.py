@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenefold.render.pool.forming import Needs, are_enough, even, formed
+from scenefold.render.pool import forming
+from scenefold.render.pool.forming import Holds, even
 
 GIB = 1 << 30
+Needs = Callable[[int], int]
 
 
 def shared(whole: int, beside: int = 0) -> Needs:
     """A scene of so many bytes, of which each node of a pool holds its part, and something beside."""
     return lambda size: beside + -(-whole // size)
+
+
+def holding(free: Sequence[int], needs: Needs) -> Holds:
+    """Pools of nodes that have so many bytes each."""
+    return lambda first, end: min(free[first:end]) >= needs(end - first)
+
+
+def formed(free: Sequence[int], needs: Needs) -> list[int]:
+    return forming.formed(len(free), holding(free, needs))
+
+
+def are_enough(free: Sequence[int], sizes: Sequence[int], needs: Needs) -> bool:
+    return forming.are_enough(sizes, holding(free, needs))
 
 
 @pytest.mark.parametrize(

@@ -117,21 +117,22 @@ def test_every_built_in_algorithm_has_a_name_and_a_rule() -> None:
 
 
 def test_a_sample_is_bounded_fair_and_travels() -> None:
-    sample = HitSample(4, 7)
+    sample = HitSample(kept_of(4), 7)
     for turn in range(40):
         sample.add(np.full((200, 3), turn, np.float32), 12_800)
-    hits = hits_of_bytes(sample.to_bytes(), 4)
+    hits = hits_of_bytes(sample.to_bytes(), kept_of(4))
     assert len(hits) == kept_of(4) == KEPT_OF_ALL // 4 and sample.count == 40 * 12_800
     # 1,024 of 8,000: of each turn about 25.6, four deviations are 19.
     counts = np.bincount(hits[:, 0].astype(int), minlength=40)
     assert counts.min() >= 6 and counts.max() <= 45
     assert kept_of(127) == KEPT_LEAST
+    assert [kept_of(127, pool) for pool in (1, 2, 64)] == [512, 512, 64] and kept_of(4, 2) == KEPT_OF_ALL // 4
 
 
 def test_what_is_no_place_is_left_out() -> None:
-    sample = HitSample(2, 1)
+    sample = HitSample(kept_of(2), 1)
     sample.add(np.array([[np.nan, 0, 0], [1, 2, 3], [np.inf, 0, 0]], np.float32), 3)
-    assert hits_of_bytes(sample.to_bytes(), 2).tolist() == [[1, 2, 3]]
+    assert hits_of_bytes(sample.to_bytes(), kept_of(2)).tolist() == [[1, 2, 3]]
 
 
 @pytest.mark.parametrize(
@@ -140,7 +141,7 @@ def test_what_is_no_place_is_left_out() -> None:
 )
 def test_a_sample_that_is_none_is_refused(payload: object) -> None:
     with pytest.raises(PeerFault):
-        hits_of_bytes(payload, 2)
+        hits_of_bytes(payload, kept_of(2))
 
 
 def test_rays_that_are_lent_or_drained_keep_their_pass_busy() -> None:

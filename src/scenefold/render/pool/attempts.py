@@ -13,7 +13,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.partition.division import Division
 from scenefold.render.job import Job
 from scenefold.render.pool.company import Company, NodesBack, NodesLost, back_of, is_away, lost_of
-from scenefold.render.pool.dividing import Dividing
+from scenefold.render.pool.dividing import Dividing, Standing
 from scenefold.render.pool.hold import PREPARE_S_MAX
 from scenefold.render.pool.part import Part
 from scenefold.render.pool.pass_bits import bits_of, passes_of
@@ -142,11 +142,12 @@ class Attempts:
         """Those of before without the cells of who is lost, if that can be; with others, new ones for all."""
         epoch, dividing = self.newest_epoch + 1, self._dividing
         assert dividing is not None
+        before = Standing(self.division, self._cells_of)
         if set(roster.nodes) <= set(self._cells_of):
             left = self.division.without([cell for cell, node in enumerate(self._cells_of) if node not in roster.nodes], epoch)
-            if await dividing.can_be(left, self.division, roster.nodes):
+            if await dividing.can_be(Standing(left, roster.nodes), before):
                 return left
-        return (await dividing.fresh(roster.nodes)).with_epoch(epoch)
+        return (await dividing.fresh(roster.nodes, before)).with_epoch(epoch)
 
     def _say(self, change: NodesLost | NodesBack) -> None:
         words, count = ", ".join(map(address_of, sorted(change.nodes))), len(self._company.nodes)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import trio
 
-from scenefold.base.errors import PeerFault
+from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import whole
 from scenefold.render.pool.host import Host
@@ -18,11 +18,16 @@ ASK_S_MAX = 30.0
 
 
 async def budgets_of(host: Host, nodes: Sequence[NodeId]) -> dict[NodeId, int]:
-    """Bytes, of each node. Unreachable or Refused if one does not answer, PeerFault for an answer that is none."""
+    """Bytes, of each node. Unreachable if one does not answer, LocalFault if it does not say, PeerFault for an answer that is none."""
     free: dict[NodeId, int] = {}
 
     async def ask(node: NodeId) -> None:
-        free[node] = budget_told(await host.ask(node, JobState(job=ALL_JOBS), ASK_S_MAX), address_of(node))
+        try:
+            reply = await host.ask(node, JobState(job=ALL_JOBS), ASK_S_MAX)
+        except Refused as error:
+            what = "a node does not say how much memory it has: it may run an older version"
+            raise LocalFault(what, where=address_of(node), remedy="run the same version on all nodes, or render in one pool") from error
+        free[node] = budget_told(reply, address_of(node))
 
     try:
         async with trio.open_nursery() as nursery:

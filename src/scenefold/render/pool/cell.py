@@ -17,7 +17,7 @@ class Cell:
 
     def __init__(self, division: Division, place: int, tracers: Sequence[Tracer]) -> None:
         """`place`: the node's, whose pool passes rays on among its own nodes alone (specs/36-render-pools.md)."""
-        self.division = division
+        self.division, self.place = division, place
         self.pool = division.ranges[division.pool_at(place)]
         """Places of all nodes of the pool."""
         self.tracers = tracers

@@ -16,7 +16,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.partition.division import Division
 from scenefold.render.arrays import F32
 from scenefold.render.job import Job
-from scenefold.render.pool.hit_sample import hits_of_bytes
+from scenefold.render.pool.hit_sample import hits_of_bytes, kept_in
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.roster import Roster
 from scenefold.render.pool.telling import error_of
@@ -81,11 +81,11 @@ class Company:
         return self.roster.nodes
 
     def take_occupied(self, division: Division) -> list[Value]:
-        """What the nodes of a pool told of where they hold something, which together is all of the scene; empty if some of each pool told nothing."""
+        """What nodes told of where they hold something, if that is all of the scene: all nodes of a pool have; else empty."""
         told = [self.occupied.get(node) for node in self.nodes]
         self.occupied.clear()
-        pools = ([told[place] for place in places] for places in division.ranges)
-        return next((pool for pool in pools if all(pool)), [])
+        is_all = any(all(told[place] for place in places) for places in division.ranges)
+        return [one for one in told if one] if is_all else []
 
     def is_back(self, node: NodeId) -> None:
         """It counts from nothing; what it had told before it was lost is not forgotten."""
@@ -152,7 +152,7 @@ class Company:
             self.occupied[node] = state.pop("occupied", None)
             hits = state.pop("hits", None)
             if self._job.moves and hits is not None:
-                self.hits[node] = hits_of_bytes(hits, len(self._job.nodes))
+                self.hits[node] = hits_of_bytes(hits, kept_in(self._job))
             self.states[node] = state
 
         async with trio.open_nursery() as nursery:

@@ -6,6 +6,8 @@ Found by who organises the job, with the scene's tables, by where geometry lies;
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
 
 from scenefold.base.ids import NodeId
 from scenefold.partition import Partition
@@ -32,6 +34,17 @@ def asks_budgets(options: RenderOptions) -> bool:
     return options.pools != 1 and options.algorithm != WHOLE
 
 
+class Standing(NamedTuple):
+    """How space is divided, and among whom, in the order of the line."""
+
+    division: Division
+    nodes: Sequence[NodeId]
+
+    def pool_of(self, node: NodeId) -> Partition | None:
+        """The cells of a node's pool; None if it has none."""
+        return self.division.pools[self.division.pool_at(self.nodes.index(node))] if node in self.nodes else None
+
+
 class Dividing:
     """Of one job."""
 
@@ -41,16 +54,19 @@ class Dividing:
         """`free`: bytes that the budgets of nodes left, if that counts. `nodes`: of the job."""
         self._workers, self._tables, self._options, self._camera, self._free = workers, tables, options, camera, free
         self._image = image_needs(options.window.pixels, options.layers, nodes, is_adaptive=options.adaptive is not None)
+        self._all, _, _ = bytes_of(tables, range(len(tables.groups)), range(len(tables.textures)))
         self._first: dict[int, Partition] = {}
         """By the number of nodes."""
+        self._most: dict[int, int] = {1: self._all}
+        """Bytes of the largest of these cells."""
 
-    async def fresh(self, nodes: Sequence[NodeId]) -> Division:
+    async def fresh(self, nodes: Sequence[NodeId], before: Standing) -> Division:
         """For these nodes of the job, in the order of the line, in a later attempt; epoch 1."""
-        return await self._workers.run(LANE, self._divided, nodes)
+        return await self._workers.run(LANE, self._divided, nodes, before)
 
-    async def can_be(self, after: Division, before: Division, nodes: Sequence[NodeId]) -> bool:
-        """Whether all of these have memory for their cells of `after`, beside those that they hold of `before`, as far as budgets were asked for."""
-        return not self._free or await self._workers.run(LANE, self._can_be, after, before, nodes)
+    async def can_be(self, after: Standing, before: Standing) -> bool:
+        """Whether all nodes have memory for their cells of `after`, beside those that they hold of `before`, as far as budgets were asked for."""
+        return not self._free or await self._workers.run(LANE, self._can_be, after, before)
 
     def first(self, nodes: Sequence[NodeId]) -> Division:
         """For all nodes of the job, in the order of the line; epoch 1. In a worker.
@@ -60,19 +76,21 @@ class Dividing:
         """
         asked = self._options.pools
         if self._options.algorithm == WHOLE or asked in (1, POOLS_THAT_FIT):
-            return self._divided(nodes)
+            return self._divided(nodes, None)
         return self._made(even(len(nodes), asked))
 
-    def _divided(self, nodes: Sequence[NodeId]) -> Division:
+    def _divided(self, nodes: Sequence[NodeId], before: Standing | None) -> Division:
+        """`before`: what nodes hold already; None: nothing."""
         if self._options.algorithm == WHOLE:
             return self._made(even(len(nodes), len(nodes)))
         if self._options.pools == 1:
             return self._made([len(nodes)])
-        free, asked = [self._free[node] for node in nodes], even(len(nodes), self._options.pools or len(nodes))
-        return self._made(asked if are_enough(free, asked, self._needs) else formed(free, self._needs))
+        asked = even(len(nodes), self._options.pools or len(nodes))
+        holds = partial(self._holds, nodes, before)
+        return self._made(asked if are_enough(asked, holds) else formed(len(nodes), holds))
 
     def _made(self, sizes: Sequence[int]) -> Division:
-        return Division(tuple(self._cells(size, sum(sizes)) for size in sizes))
+        return Division.of([self._cells(size, sum(sizes)) for size in sizes], 1)
 
     def _cells(self, size: int, nodes: int) -> Partition:
         if size == 1 < nodes:
@@ -81,17 +99,32 @@ class Dividing:
             self._first[size] = first_cells(self._options.algorithm, size, self._tables, self._camera)
         return self._first[size]
 
-    def _needs(self, size: int) -> int:
-        most = max(self._bytes_of(self._cells(size, size + 1)))
-        return self._image + (most if size == 1 else CELLS_HELD * most)
+    def _holds(self, nodes: Sequence[NodeId], before: Standing | None, first: int, end: int) -> bool:
+        """Whether these nodes, as a pool with its first cells, have memory for the scene."""
+        size = end - first
+        if not self._have(nodes[first:end], size, before, -(-self._all // size)):
+            # The largest cell has that at least: so sizes that are much too small are not looked at.
+            return False
+        if size not in self._most:
+            self._most[size] = max(self._bytes_of(self._cells(size, size + 1)))
+        return self._have(nodes[first:end], size, before, self._most[size])
 
-    def _can_be(self, after: Division, before: Division, nodes: Sequence[NodeId]) -> bool:
-        known = {(one.family, one.values) for one in before.pools}
-        for partition, places in zip(after.pools, after.ranges, strict=True):
-            if (partition.family, partition.values) in known:
+    def _have(self, nodes: Sequence[NodeId], size: int, before: Standing | None, cell: int) -> bool:
+        return all(self._free[node] >= self._image + cell * self._held_by(node, size, before) for node in nodes)
+
+    def _held_by(self, node: NodeId, size: int, before: Standing | None) -> int:
+        """How many cells a node of a pool of so many has in memory at a time."""
+        held = None if before is None else before.pool_of(node)
+        is_nothing_new = before is None or (held is not None and held.nodes == 1)
+        return 1 if size == 1 and is_nothing_new else CELLS_HELD
+
+    def _can_be(self, after: Standing, before: Standing) -> bool:
+        for partition, places in zip(after.division.pools, after.division.ranges, strict=True):
+            held = before.pool_of(after.nodes[places.start])
+            if held is not None and held.with_epoch(partition.epoch) == partition:
                 continue
             for place, size in zip(places, self._bytes_of(partition), strict=True):
-                if self._free[nodes[place]] < self._image + CELLS_HELD * size:
+                if self._free[after.nodes[place]] < self._image + CELLS_HELD * size:
                     return False
         return True
 
@@ -99,4 +132,4 @@ class Dividing:
         """What each of its nodes holds at most of the scene: which textures it wears is not known before it is read."""
         textures = range(len(self._tables.textures))
         shares = shares_of(self._tables, partition, range(partition.nodes))
-        return [bytes_of(self._tables, share, textures)[0] for share in shares]
+        return [bytes_of(self._tables, share.groups, textures)[0] for share in shares]

@@ -9,7 +9,7 @@ from scenefold.base.reasons import RejectReason
 from scenefold.partition import Partition
 from scenefold.render.arrays import U8, EmptySpace
 from scenefold.render.contract import SkippingTracer, Tracer
-from scenefold.render.occupied import empty_space, occupied_by, packed, unpacked
+from scenefold.render.occupied import empty_space, mark, nothing_occupied, packed, pieces_of, unpacked
 from scenefold.render.pool.share import LANE, LoadedShare
 from scenefold.world import Workers
 
@@ -27,26 +27,35 @@ class Emptiness:
     async def find(self, loaded: LoadedShare, cells: Partition, me: int, tracers: Sequence[Tracer]) -> None:
         """Where this node holds something, for the organiser. Of a node without neighbours nobody needs to know."""
         if cells.nodes > 1 and all(isinstance(tracer, SkippingTracer) for tracer in tracers):
-            self.told = packed(await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me))
+            self.told = packed(await self._of(loaded, cells, me))
 
     async def see(self, told: object, loaded: LoadedShare, tracers: Sequence[Tracer]) -> None:
-        """Where any node holds something; nothing is traced yet. PeerFault if that is ill-formed."""
+        """Where any node holds something; nothing is traced yet. PeerFault if that is ill-formed, Refused (16) if this one holds something elsewhere."""
         occupied = unpacked(told)
+        if self.told and (unpacked(self.told) > occupied).any():
+            raise changed()
         self._space = await self._workers.run(LANE, empty_space, loaded.tables, occupied)
         self._occupied, self.told = occupied, b""
         self.use_in(tracers)
 
     async def check(self, loaded: LoadedShare, cells: Partition, me: int) -> None:
         """Refused (16) if something lies where nothing was: rays that are under way were passed over it."""
-        known = self._occupied
-        if known is None:
-            return
-        occupied = await self._workers.run(LANE, occupied_by, loaded.tables, loaded.held.arrays, cells, me)
-        if (occupied > known).any():
-            raise Refused(RejectReason.NOT_READY, "the scene was changed while it is rendered", remedy="start the render again")
+        if self._occupied is not None and (await self._of(loaded, cells, me) > self._occupied).any():
+            raise changed()
 
     def use_in(self, tracers: Sequence[Tracer]) -> None:
         """Of another cell, before anything is traced in it."""
         for tracer in tracers:
             if self._space is not None and isinstance(tracer, SkippingTracer):
                 tracer.skip(self._space)
+
+    async def _of(self, loaded: LoadedShare, cells: Partition, me: int) -> U8:
+        occupied = nothing_occupied()
+        for pairs in await self._workers.run(LANE, pieces_of, loaded.tables, cells, me):
+            await self._workers.run(LANE, mark, occupied, loaded.tables, loaded.held.arrays, pairs)
+        return occupied
+
+
+def changed() -> Refused:
+    """Somebody edits the scene: rays may be passed over what is there by now."""
+    return Refused(RejectReason.NOT_READY, "the scene was changed while it is rendered", remedy="start the render again")

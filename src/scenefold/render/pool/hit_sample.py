@@ -7,22 +7,31 @@ import numpy as np
 from scenefold.base.errors import PeerFault
 from scenefold.partition.running_sample import EMPTY, extended
 from scenefold.render.arrays import F32
+from scenefold.render.job import Job
 
 KEPT_OF_ALL = 4096
 KEPT_LEAST = 32
+KEPT_OF_POOL = 512
+"""Of a node of a small pool among many."""
 COORDINATE_MAX = 1e30
 
 
-def kept_of(nodes: int) -> int:
-    """Of one node among so many."""
-    return max(KEPT_LEAST, KEPT_OF_ALL // nodes)
+def kept_of(nodes: int, pool: int | None = None) -> int:
+    """Of one node among so many, of which so many are in its pool: cells of a small pool follow what these few tell."""
+    of_all = max(KEPT_LEAST, KEPT_OF_ALL // nodes)
+    return of_all if pool is None else max(of_all, min(KEPT_OF_POOL, KEPT_OF_ALL // pool))
+
+
+def kept_in(job: Job) -> int:
+    """Of each node of a job."""
+    return kept_of(len(job.nodes), min(one.nodes for one in job.division.pools) if job.others else None)
 
 
 class HitSample:
     """Of all hits so far."""
 
-    def __init__(self, nodes: int, seed: int) -> None:
-        self._kept, self._seed = kept_of(nodes), seed
+    def __init__(self, kept: int, seed: int) -> None:
+        self._kept, self._seed = kept, seed
         self._sample = EMPTY
         self._turn = 0
         self.count = 0
@@ -41,9 +50,9 @@ class HitSample:
         return self._sample.points.astype("<f4").tobytes()
 
 
-def hits_of_bytes(payload: object, nodes: int) -> F32:
-    """What `to_bytes` gave of a node among so many, f32[n, 3]; PeerFault for anything else."""
-    if not isinstance(payload, bytes) or len(payload) % 12 or len(payload) > 12 * kept_of(nodes):
+def hits_of_bytes(payload: object, kept: int) -> F32:
+    """What `to_bytes` gave of so many at most, f32[n, 3]; PeerFault for anything else."""
+    if not isinstance(payload, bytes) or len(payload) % 12 or len(payload) > 12 * kept:
         raise PeerFault("a sample of hits is ill-formed")
     hits = np.frombuffer(payload, "<f4").reshape(-1, 3).astype(np.float32)
     if not (np.abs(hits) < COORDINATE_MAX).all():

@@ -166,6 +166,9 @@ class Moving:
 
     async def _moved(self, now: Held, division: Division, place: int) -> Held:
         cells, mine = held_by(division, place)
+        if held_by(now.cell.division, now.cell.place) == (cells.with_epoch(now.cell.epoch), mine):
+            # Only other pools' cells move. Our places may be others, and our pool's cells are the same.
+            return Held(Cell(division, place, now.cell.tracers), now.loaded, now.scene, now.promise)
         needed = await self._host.world.workers.run(LANE, share_of, now.loaded.tables, cells, mine)
         share = now.loaded.share
         holds = set(needed.groups) <= set(share.groups) and set(needed.instances) <= set(share.instances)

@@ -19,7 +19,7 @@ from scenefold.render.job import Job
 from scenefold.render.pool.cell import Cell
 from scenefold.render.pool.films import Films
 from scenefold.render.pool.gathering import Gathering
-from scenefold.render.pool.hit_sample import HitSample
+from scenefold.render.pool.hit_sample import HitSample, kept_in
 from scenefold.render.pool.hold import Hold
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.image_memory import image_needs
@@ -68,7 +68,7 @@ class Part:
         self._account = account
         self._moving = Moving(host, renderer, job, self.me, account)
         self._member: Member | None = None
-        self._lasting = Lasting(Films(job), MemberStatistics(), HitSample(len(job.nodes), job.seed + self.me))
+        self._lasting = Lasting(Films(job), MemberStatistics(), HitSample(kept_in(job), job.seed + self.me))
         self._turn, self._films_turn = trio.Lock(), trio.Lock()
         self.gathering = Gathering(host, job, self._lasting.films, self._films_turn)
         self.previewing = Previewing(host, job, self._lasting.films, self._films_turn, account)

@@ -185,7 +185,8 @@ class RenderService:
             part = self._parts.get(packet.job)
             state = {**self._organiser(packet.job, peer).state(), "preview": 0 if part is None else part.previewing.newest}
         elif packet.job == ALL_JOBS:
-            state = budget_document(self.promises.most - self.promises.held)
+            idle = sum(one.account.held for _, one in self._organisers.jobs() if one.is_idle)
+            state = budget_document(self.promises.most - self.promises.held + idle)
         else:
             part, _ = self._part_with(packet.job, peer)
             if self._parts.asker(packet.job) == peer:

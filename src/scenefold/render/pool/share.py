@@ -94,9 +94,9 @@ def promise_anything(needs: int, what: str, remedy: str) -> None:
     """Nobody counts."""
 
 
-def bytes_of(tables: SceneTables, share: Share, textures: Iterable[int]) -> tuple[int, int, int]:
-    """What a node takes that holds a share of a scene, with these textures, by a rough estimate: bytes, triangles, texels."""
-    triangles = int(tables.groups.triangles[np.array(share.groups, np.int64)].sum(dtype=np.int64))
+def bytes_of(tables: SceneTables, groups: Sequence[int], textures: Iterable[int]) -> tuple[int, int, int]:
+    """What a node takes that holds these groups and textures of a scene, by a rough estimate: bytes, triangles, texels."""
+    triangles = int(tables.groups.triangles[np.array(groups, np.int64)].sum(dtype=np.int64))
     texels = sum(tables.textures[texture].width * tables.textures[texture].height for texture in textures)
     return TRIANGLE_BYTES * triangles + TEXEL_BYTES * texels, triangles, texels
 
@@ -108,7 +108,7 @@ def _promise(division: Division, me: int, needs: tuple[int, int, int], promise: 
     elif held_by(division, me)[0].nodes > 1:
         promise(size, f"a cell with {triangles} triangles and {texels} texels of the scene", "render it in fewer pools (--pools)")
     else:
-        promise(size, "the whole scene", "render it in fewer pools (--pools), with another --algorithm than whole")
+        promise(size, "the whole scene", "render it in fewer pools (--pools), or with cells (another --algorithm than whole)")
 
 
 async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int, promise: Promise = promise_anything) -> LoadedShare:
@@ -118,13 +118,13 @@ async def load_share(reader: SceneReader, workers: Workers, job: Job, me: int, p
         raise DamagedData("the scene changed since the job was made", remedy="start the render again")
     division = job.division
     share = await workers.run(LANE, share_of, tables, *held_by(division, me))
-    _promise(division, me, bytes_of(tables, share, ()), promise)
+    _promise(division, me, bytes_of(tables, share.groups, ()), promise)
     locations = [location for group in share.groups for location in tables.groups.locations(group)]
     payloads = await reader.get_many(GEOMETRY, locations)
     atoms = await workers.run(LANE, _decode_groups, tables, share, payloads)
     bytes_read = sum(len(payload) for payload in payloads if payload is not None)
     textures = held_textures(tables, atoms)
-    _promise(division, me, bytes_of(tables, share, textures), promise)
+    _promise(division, me, bytes_of(tables, share.groups, textures), promise)
     spots = [location for texture in textures for location in tables.textures[texture].tiles]
     tile_payloads = await reader.get_many(TEXTURES, spots)
     tiles = await workers.run(LANE, _decode_tiles, tables, textures, tile_payloads)
