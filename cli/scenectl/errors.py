@@ -71,6 +71,8 @@ class Ending:
     """Of a change of a scene of which nobody knows."""
 
     @property
+    reason: str = ""
+    """Of a refusal, as specs/03-wire.md names it (Reasons)."""
     def line(self) -> str:
         return " ".join(str(ScenefoldError(self.what, where=self.where, remedy=self.remedy)).split())
 
@@ -81,6 +83,8 @@ class Ending:
             error["request"] = self.request
         return {"error": error, "exit_code": self.exit_code}
 
+        if self.reason:
+            error["reason"] = self.reason
 
 def ending_of(error: BaseException) -> Ending:
     """The exit code and the words for an error that no verb handled."""
@@ -140,7 +144,7 @@ def _leaves(error: BaseException) -> list[BaseException]:
 def _ending(kind: str, exit_code: int, error: ScenefoldError) -> Ending:
     request = str(error.request) if isinstance(error, InDoubt) else ""
     what, where, remedy = map(with_addresses, (error.what, error.where, error.remedy))
-    return Ending(kind, exit_code, what, where, remedy, request)
+    return Ending(kind, exit_code, what, where, remedy, request, error.reason.name.lower() if isinstance(error, Refused) else "")
 
 
 def with_addresses(text: str) -> str:
