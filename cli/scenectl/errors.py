@@ -56,6 +56,8 @@ class Interrupted(Exception):
         super().__init__(signal_number)
         self.signal_number = signal_number
         self.what, self.where, self.remedy = "interrupted", "", "the same command may be given again"
+        self.request = ""
+        """Of a change that may have been made."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,10 @@ class Ending:
     remedy: str = ""
     request: str = ""
     """Of a change of a scene of which nobody knows."""
-
-    @property
     reason: str = ""
     """Of a refusal, as specs/03-wire.md names it (Reasons)."""
+
+    @property
     def line(self) -> str:
         return " ".join(str(ScenefoldError(self.what, where=self.where, remedy=self.remedy)).split())
 
@@ -81,17 +83,17 @@ class Ending:
         error = {"kind": self.kind, "what": self.what, "where": self.where, "remedy": self.remedy}
         if self.request:
             error["request"] = self.request
-        return {"error": error, "exit_code": self.exit_code}
-
         if self.reason:
             error["reason"] = self.reason
+        return {"error": error, "exit_code": self.exit_code}
+
 
 def ending_of(error: BaseException) -> Ending:
     """The exit code and the words for an error that no verb handled."""
     error = most_telling(error)
     match error:
         case Interrupted():
-            return Ending("interrupted", INTERRUPTED, error.what, error.where, error.remedy)
+            return Ending("interrupted", INTERRUPTED, error.what, error.where, error.remedy, error.request)
         case KeyboardInterrupt():
             return Ending("interrupted", INTERRUPTED, "interrupted", remedy="the same command may be given again")
         case UsageFault():

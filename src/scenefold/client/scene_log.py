@@ -28,7 +28,7 @@ from scenefold.client.offers import proposal_of, refusal_of
 from scenefold.client.pace import Pace
 from scenefold.client.patience import Patience, is_passing
 from scenefold.client.repeating import check_same, check_told_of, is_told_of, state_before
-from scenefold.client.requests import InDoubt, Request
+from scenefold.client.requests import Again, Change, InDoubt, Request, change_of, how_to_find_out
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.scene.log import Draft, Followed, SceneLog, follow, keys_with_log
 from scenefold.wire import LogEntry, ProposeSceneLog, SceneLogPublic
@@ -63,8 +63,7 @@ class _ChangeDoubt(Doubt):
 
     def __init__(self, name: str, request_id: bytes) -> None:
         def remedy(position: int) -> str:
-            told = f"`scenectl scene status {name} {Request(request_id, position)}` tells what became of it"
-            return f"{told}: see, before you repeat it"
+            return how_to_find_out(name, Request(request_id, position))
 
         super().__init__("a change", lambda _: f"scene {name}", remedy, is_open_after=_may_be_decided)
         self._request_id = request_id
@@ -92,21 +91,29 @@ def _voter_is_away(voter: NodeId) -> _VoterAway:
 class LogAccess(LogReading):
     """What is read, and what is proposed."""
 
-    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Request | None = None, forced: bool = False) -> ReadLog:
+    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Again = None, forced: bool = False) -> ReadLog:
         """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew, and of one log the same one.
 
-        `again`: the request by which it was proposed before, and may be in the log, or on its way: it will be there once. `forced`: it is a change of
+        `again`: the request by which it was proposed before, and may be in the log, or on its way: it will be there once; or a `Change`, which is told
+        of the request, and of the position, also if this is cancelled. `forced`: it is a change of
         the mode, and goes in whomever it does not suit. LocalFault if the entry does not fit, or we are no owner, or the log has another entry
         under that request; Refused if it did not go in, or (9) the mode forbids it, or (2) the log has forgotten such an old request; InDoubt if nobody knows.
         """
-        secrets = await self.owner()
-        request = Request(self._calls.world.entropy.token(_REQUEST_ID_BYTES)) if again is None else again
+        change, secrets = change_of(again), await self.owner()
+        before = change.request
+        request = Request(self._calls.world.entropy.token(_REQUEST_ID_BYTES)) if before is None else before
         doubt = _ChangeDoubt(self._name, request.id)
         if request.offered_at:
             # What was offered then may come, whatever is answered now.
             doubt.note([request.offered_at])
-        with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, request, secrets.signing, doubt, is_new=again is None, forced=forced)
+        try:
+            with doubt.no_refusal(nor_silence=True):
+                return await self._proposed(entry_of, change, request, secrets.signing, doubt, forced=forced)
+        except BaseException:
+            if change.position is None and doubt.latest is not None:
+                # Who is cancelled raises no error that could say so.
+                change.request = Request(request.id, doubt.latest)
+            raise
 
     async def owner(self) -> MemberSecrets:
         """What we sign changes with; LocalFault if we are no owner of the scene."""
@@ -123,13 +130,13 @@ class LogAccess(LogReading):
         author: SigningKey,
         doubt: Doubt,
         *,
-        is_new: bool,
         forced: bool,
     ) -> ReadLog:
         pace = Pace(self._calls)
         until = trio.current_time() + CLIENT_AUTHOR_S
         draft: tuple[ReadLog, Followed] | None = None
         problem: Unreachable | PeerFault | Refused | None = None
+        change: Change,
         first: NodeId | None = None
         before: ReadLog | None = None
         if is_new and self._was_alone:
@@ -139,10 +146,13 @@ class LogAccess(LogReading):
             before = draft[0] if draft is not None and attempt == 0 else await self.newer(first)
             if request.id in before.state.requests:
                 doubt.settle_all()
-                return before if is_new else await self._found(before, entry_of, request)
+                found = before if is_new else await self._found(before, entry_of, request)
+                change.stands(request.id, found.state.requests[request.id])
+                return found
             if draft is not None and not before.state.tells_of(draft[1].header.position):
                 # So much was decided since that the log would not know the request any more.
                 break
+        is_new = change.request is None
             if draft is not None and first is not None and before.header.position < draft[1].header.position:
                 # Nobody shows what it says that there is.
                 pace.failures += 1
@@ -173,6 +183,7 @@ class LogAccess(LogReading):
             except (Unreachable, PeerFault, Refused) as error:
                 problem, first = error, None
             # While there is doubt, what the log says next is better than what this answer says.
+                    change.stands(request.id, outcome.position)
             if isinstance(problem, Refused) and not is_passing(problem.reason) and after.header.position not in doubt:
                 raise problem
         busy = Refused(RejectReason.BUSY, "others change the scene all the time", where=f"scene {self._name}", remedy="try again")
@@ -292,10 +303,17 @@ class LogAccess(LogReading):
     async def _offer(self, packet: ProposeSceneLog, before: SceneLogPublic, doubt: Doubt, attempt: int) -> SceneLogPublic | Rejected:
         """One round of asking those who decide what follows `before`. Who was asked first last time, and could not, is asked last this time."""
         nodes = self.keepers.to_propose(before)
-        if not nodes:
-            return await offered(self._calls, packet, doubt)
-        turn = attempt % len(nodes)
-        return await offered_to(self._calls, nodes[turn:] + nodes[:turn], packet, doubt)
+        try:
+            if not nodes:
+                return await offered(self._calls, packet, doubt)
+            turn = attempt % len(nodes)
+            return await offered_to(self._calls, nodes[turn:] + nodes[:turn], packet, doubt)
+        except ScenefoldError:
+            raise
+        except BaseException:
+            # Cancelled, perhaps in a group: the answer of one that has decided it may have come in this very moment.
+            doubt.note([packet.public.position])
+            raise
 
     def _following(self, before: ReadLog, entry: LogEntry, request_id: bytes, author: SigningKey) -> Draft:
         """The log with one more entry."""
