@@ -78,8 +78,8 @@ def _no_majority(where: str, before: SceneLogPublic, silent: Sequence[NodeId], *
     what = f"no majority of the nodes that decide the scene's log could be reached: {len(nodes) // 2 + 1} of {len(nodes)} must agree"
     if silent:
         what += f", and {', '.join(map(address_of, silent))} {'does' if len(silent) == 1 else 'do'} not answer"
-    told = "until then nobody can tell what became of the change" if is_question else "nothing was changed"
-    remedy = f"start those that are down, and repeat it; {told}"
+    told = "ask again; what was begun may be on the disk of one of them" if is_question else "repeat it; nothing was changed"
+    remedy = f"start those that are down, and {told}"
     return Refused(RejectReason.NO_MAJORITY, what, where=f"{where}; {', '.join(nodes)}", remedy=remedy)
 
 

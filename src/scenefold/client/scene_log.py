@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import trio
 
-from scenefold.base.errors import LocalFault, NotReached, PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, NotReached, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import CLIENT_AUTHOR_S, CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
@@ -36,6 +37,8 @@ from scenefold.wire import LogEntry, ProposeSceneLog, SceneLogPublic
 __all__ = ["LogAccess", "ReadLog", "Standing"]
 
 _REQUEST_ID_BYTES = 16
+_AT_END_S = 10.0
+"""For somebody to show the log of a scene that was ended: who has it still does so at once, and who has let go of it never will."""
 _TOO_LATE = frozenset({RejectReason.POSITION_TAKEN, RejectReason.POSITION_BEHIND})
 _NOT_LOOKED_AT = frozenset({RejectReason.NOT_AUTHORISED, RejectReason.BUSY, RejectReason.KEY_REVOKED})
 """Faults that say that a proposal was not looked at. Others may be those of a relay behind which it was decided."""
@@ -56,6 +59,14 @@ class Standing:
         """The JSON form (docs/reference/scenectl.md)."""
         outcome = "committed" if self.position is not None else "never" if self.is_over else "open"
         return {"outcome": outcome, "position": self.position, "known_position": self.known}
+
+
+def _told(read: ReadLog, request_id: bytes, offered_at: int) -> Standing | None:
+    """What a log says of a request; None if it may still come, or be there without being told of."""
+    found, known = read.state.requests.get(request_id), read.header.position
+    if found is None and not (offered_at and known >= offered_at and is_told_of(read.state, offered_at)):
+        return None
+    return Standing(found, True, known)
 
 
 class _ChangeDoubt(Doubt):
@@ -126,6 +137,7 @@ class LogAccess(LogReading):
     async def _proposed(
         self,
         entry_of: Callable[[SceneLog], LogEntry],
+        change: Change,
         request: Request,
         author: SigningKey,
         doubt: Doubt,
@@ -136,9 +148,9 @@ class LogAccess(LogReading):
         until = trio.current_time() + CLIENT_AUTHOR_S
         draft: tuple[ReadLog, Followed] | None = None
         problem: Unreachable | PeerFault | Refused | None = None
-        change: Change,
         first: NodeId | None = None
         before: ReadLog | None = None
+        is_new = change.request is None
         if is_new and self._was_alone:
             draft = await self._gone_on(entry_of, request.id, author)
         for attempt in range(CLIENT_LOG_TRIES_MAX + 1):
@@ -152,7 +164,6 @@ class LogAccess(LogReading):
             if draft is not None and not before.state.tells_of(draft[1].header.position):
                 # So much was decided since that the log would not know the request any more.
                 break
-        is_new = change.request is None
             if draft is not None and first is not None and before.header.position < draft[1].header.position:
                 # Nobody shows what it says that there is.
                 pace.failures += 1
@@ -172,6 +183,7 @@ class LogAccess(LogReading):
                 packet = proposal_of(after.header, after.private, forced=forced)
                 outcome = await self._offer(packet, before.header, doubt, pace.failures)
                 if isinstance(outcome, SceneLogPublic):
+                    change.stands(request.id, outcome.position)
                     self._take(outcome, keys_with_log(after.keys, after.log.state))
                     await self._memory.keep()
                     self._read = ReadLog(outcome, after.log)
@@ -183,7 +195,6 @@ class LogAccess(LogReading):
             except (Unreachable, PeerFault, Refused) as error:
                 problem, first = error, None
             # While there is doubt, what the log says next is better than what this answer says.
-                    change.stands(request.id, outcome.position)
             if isinstance(problem, Refused) and not is_passing(problem.reason) and after.header.position not in doubt:
                 raise problem
         busy = Refused(RejectReason.BUSY, "others change the scene all the time", where=f"scene {self._name}", remedy="try again")
@@ -226,19 +237,29 @@ class LogAccess(LogReading):
     async def standing(self, request_id: bytes, offered_at: int = 0) -> Standing:
         """What became of a request, in any process: those who decide bring to its end what was begun, and then the log is looked at.
 
-        `offered_at`: the highest position that it was proposed for; 0 if that is not known, and then "never" cannot be told. Refused or
-        Unreachable if those who decide cannot tell.
+        `offered_at`: the highest position that it was proposed for; 0 if that is not known, and then "never" cannot be told. Unreachable
+        if nobody can tell now: no refusal says anything of the request.
         """
+        try:
+            return await self._standing(request_id, offered_at)
+        except Refused as refusal:
+            what = f"nobody can tell now what became of the change: {refusal.what}"
+            raise Unreachable(what, where=refusal.where, remedy=refusal.remedy or "ask again in a while") from refusal
+
+    async def _standing(self, request_id: bytes, offered_at: int) -> Standing:
         patience, doubt = Patience(), self._doubt("nothing", lambda _: "")
         until = trio.current_time() + CLIENT_AUTHOR_S
         first: NodeId | None = None
         for attempt in itertools.count():
-            read = await self.newest(first=first)
-            found, known = read.state.requests.get(request_id), read.header.position
-            if found is not None:
-                return Standing(found, True, known)
-            if offered_at and known >= offered_at and is_told_of(read.state, offered_at):
-                return Standing(None, True, known)
+            try:
+                read = await self.newest(first=first)
+            except Refused:
+                if (ended := self._end) is None:
+                    raise
+                return await self._standing_at_end(ended, request_id, offered_at)
+            known = read.header.position
+            if (told := _told(read, request_id, offered_at)) is not None:
+                return told
             if not read.header.participants:
                 return Standing(None, False, known)
             # What is decided already is proposed again: an answer says that a majority knows of nothing behind it.
@@ -251,6 +272,20 @@ class LogAccess(LogReading):
                 raise problem
             await self._calls.pause(patience)
         raise AssertionError("whoever asks loses patience")
+
+    async def _standing_at_end(self, ended: SceneLogPublic, request_id: bytes, offered_at: int) -> Standing:
+        """Of a request of a scene that was ended: the header tells of the newest one, and the log of others, while somebody has it still."""
+        if ended.request == request_id:
+            return Standing(ended.position, True, ended.position)
+        if ended.request and offered_at == ended.position:
+            # That is another change's, and whatever was offered before was known not to come by then.
+            return Standing(None, True, ended.position)
+        with suppress(Unreachable, Refused, PeerFault, DamagedData), trio.move_on_after(_AT_END_S):
+            told = _told(await self.at_end(ended), request_id, offered_at)
+            if told is not None:
+                return told
+        what = f"the scene was ended at position {ended.position} of its log, and nobody shows the log any more: whether it has the change nobody can tell"
+        raise Unreachable(what, where=f"scene {self._name}", remedy="nothing can be changed in it any more, so there is nothing to repeat")
 
     async def announce(self, header: SceneLogPublic, private: bytes) -> SceneLogPublic:
         """Propose a first header with its sealed log; again is the same. Gives the header as it was decided.
