@@ -17,7 +17,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.orders import Orders
 from scenefold.client.reports import NodeReport
-from scenefold.client.voters import READY_S_MAX, Voters
+from scenefold.client.voters import READY_S_MAX, Council, Voters
 from scenefold.wire import AddParticipant, DecidedValue, RemoveNode, RemoveParticipant
 from scenefold.wire.enrol_packets import Administer, Administered
 from scenefold.wire.orders import Order
@@ -232,6 +232,7 @@ async def test_those_who_answer_are_waited_for_until_all_of_them_grant_leases(au
         {first: done, second: done, third: silent},
     ]
     assert await voters.preparing() == [] and len(nodes.said) == 1
+    assert await voters.council() == Council([first, second, third], [], [third])
     nodes.said = [{first: done, second: late, third: behind}]
     assert await voters.preparing(within_s=0.0) == [second, third]
     began = trio.current_time()
@@ -256,3 +257,21 @@ async def test_who_is_not_trusted_or_unknown_is_no_voter() -> None:
         with pytest.raises(LocalFault, match=words):
             await voters.add(who)
     assert not nodes.asked
+
+
+@pytest.mark.parametrize(
+    ("voters", "preparing", "silent", "may_be_lost", "has_majority"),
+    [
+        (3, 0, 0, 1, True),
+        (3, 0, 1, 0, True),
+        (3, 0, 2, 0, False),
+        (5, 0, 1, 1, True),
+        (5, 1, 0, 0, True),
+        (4, 0, 1, 0, True),
+        (1, 0, 0, 0, True),
+    ],
+)
+def test_those_that_are_silent_are_lost_already(voters: int, preparing: int, silent: int, may_be_lost: int, has_majority: bool) -> None:
+    nodes = [node(number) for number in range(voters)]
+    found = Council(nodes, nodes[:preparing], nodes[voters - silent :])
+    assert (found.may_be_lost, found.has_majority) == (may_be_lost, has_majority)
