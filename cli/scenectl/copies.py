@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from scenectl.names import SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, counted, emit, note
-from scenectl.repeating import RequestOption, one_change
+from scenectl.repeating import RequestOption, decided_text, one_change
 from scenectl.values import SpaceOption, name_or_number, whole
+from scenefold.base.errors import ScenefoldError
 from scenefold.base.limits import COPIES_MAX
+from scenefold.client.requests import Change
 
 if TYPE_CHECKING:
     from scenefold.base.ids import SpaceId
-    from scenefold.client import CopiesPlan, Scene
+    from scenefold.client import Cluster, CopiesPlan, Scene
     from scenefold.client.shortages import Shortage
     from scenefold.scene.log import Layouts, LoggedSpace
 
@@ -56,31 +58,47 @@ def copies(
     from scenectl.progress import Progress
     from scenectl.running import connected, run
 
+    wanted = Change(request)
+
     async def plan(progress: Progress) -> CopiesPlan:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
             return await (await opened.space_named(name_or_number(space.text))).plan_copies(number, min_copies, progress)
 
     if dry_run:
-        with one_change("space copies", request, is_none=True), Progress(quiet=output.json) as progress:
+        with one_change("space copies", scene, wanted, is_none=True), Progress(quiet=output.json) as progress:
             planned = run(plan, progress)
         emit(output, {"scene": scene, **planned.document()}, plan_text(planned))
         return
 
-    async def change() -> tuple[LoggedSpace, list[Shortage]]:
+    async def change() -> tuple[LoggedSpace, list[Shortage] | None]:
         async with connected(output.profile) as cluster:
             opened: Scene = await cluster.scenes.open(scene)
-            said = await (await opened.space_named(name_or_number(space.text))).set_copies(number, min_copies, again=request)
-            return said, await cluster.shortages(said.copies, said.copies_min)
+            said = await (await opened.space_named(name_or_number(space.text))).set_copies(number, min_copies, again=wanted)
+            return said, await shortages_of(cluster, said)
 
-    with one_change("space copies", request):
+    with one_change("space copies", scene, wanted):
         said, short = run(change)
-    document = {"scene": scene, **said.document(), "shortages": [one.document() for one in short]}
-    emit(output, document, f"Space {said.name} shall have {copies_text(said.copies, said.copies_min)}.")
+    document = {"scene": scene, **said.document(), "position": wanted.position, "shortages": shortages_document(short)}
+    emit(output, document, f"Space {said.name} shall have {copies_text(said.copies, said.copies_min)}.{decided_text(wanted)}")
     warn_of(said.name, short)
 
 
-def warn_of(space: str, shortages: Sequence[Shortage]) -> None:
+async def shortages_of(cluster: Cluster, space: LoggedSpace) -> list[Shortage] | None:
+    """Why the space cannot have all of its copies now; None, with a line on standard error, if nobody can tell. What was changed before stays so."""
+    try:
+        return await cluster.shortages(space.copies, space.copies_min)
+    except ScenefoldError as problem:
+        note(f"warning: whether space {space.name} can have all of its copies now is not known: {problem}; scenectl cluster health tells")
+        return None
+
+
+def shortages_document(shortages: Sequence[Shortage] | None) -> list[dict[str, Any]] | None:
+    """The JSON form; null if nobody can tell."""
+    return None if shortages is None else [one.document() for one in shortages]
+
+
+def warn_of(space: str, shortages: Sequence[Shortage] | None) -> None:
     """A line on standard error if the space cannot have all of its copies now, in the words of `cluster health`."""
     if shortages:
         first, *others = shortages

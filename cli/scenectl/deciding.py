@@ -11,10 +11,11 @@ from cyclopts import Parameter
 from scenectl.errors import DEGRADED, DONE
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, and_text, emit, note, table
-from scenectl.repeating import RequestOption, one_change
+from scenectl.repeating import RequestOption, decided_text, one_change, position_of
 from scenectl.values import ONE_WORD, Addresses, AddressOption, is_digits
 from scenefold.base.ids import NodeId, address_of, node_id_of
 from scenefold.base.limits import DECIDERS_MAX
+from scenefold.client.requests import Change
 
 FEW_CHANGES = 20
 """Below so many it is said how many are left: to replace one node takes two of them."""
@@ -67,7 +68,7 @@ def participants(scene: SceneName, /, *, output: ProfileOutput = DEFAULT_PROFILE
         async with connected(output.profile) as cluster:
             return await cluster.membership.judged(await (await cluster.scenes.open(scene)).deciders())
 
-    emit_deciders(output, scene, run(ask))
+    emit_deciders(output, scene, run(ask), Change())
 
 
 def add_participant(
@@ -89,16 +90,16 @@ def add_participant(
 
     if not address:
         raise UsageFault("which node shall decide is not said", where="scenectl scene add-participant", remedy="give its address")
-    nodes = [node_id_of(one.text) for one in address]
+    nodes, change = [node_id_of(one.text) for one in address], Change(request)
 
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
             entries = await cluster.membership.participants(nodes)
-            return await (await cluster.scenes.open(scene)).add_participants(entries, again=request)
+            return await (await cluster.scenes.open(scene)).add_participants(entries, again=change)
 
-    with one_change("scene add-participant", request):
+    with one_change("scene add-participant", scene, change):
         found = run(do)
-    _emit_changed(output, scene, found)
+    _emit_changed(output, scene, found, change)
 
 
 def remove_participant(
@@ -117,13 +118,15 @@ def remove_participant(
     """
     from scenectl.running import connected, run
 
+    change = Change(request)
+
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).remove_participant(node_id_of(address.text), again=request)
+            return await (await cluster.scenes.open(scene)).remove_participant(node_id_of(address.text), again=change)
 
-    with one_change("scene remove-participant", request):
+    with one_change("scene remove-participant", scene, change):
         found = run(do)
-    _emit_changed(output, scene, found)
+    _emit_changed(output, scene, found, change)
 
 
 def relieve(
@@ -212,12 +215,12 @@ def even_warning(count: int) -> str:
     return f"{count} nodes decide: {both} must agree, so {lost}. An odd number is better."
 
 
-def emit_deciders(output: ProfileOutput, scene: str, found: Deciders) -> None:
+def emit_deciders(output: ProfileOutput, scene: str, found: Deciders, change: Change) -> None:
     """Who decides and observes now."""
-    emit(output, {"scene": scene, **found.document()}, deciders_text(found))
+    emit(output, {"scene": scene, **found.document(), **position_of(change)}, deciders_text(found) + decided_text(change))
 
 
-def _emit_changed(output: ProfileOutput, scene: str, found: Deciders) -> None:
+def _emit_changed(output: ProfileOutput, scene: str, found: Deciders, change: Change) -> None:
     if warning := even_warning(len(found.participants)):
         note(f"warning: {warning}")
-    emit_deciders(output, scene, found)
+    emit_deciders(output, scene, found, change)

@@ -11,6 +11,7 @@ from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note
 from scenectl.repeating import RequestOption, one_change
 from scenefold.base.errors import UsageFault
+from scenefold.client.requests import Change
 
 if TYPE_CHECKING:
     from scenefold.client.ending import SceneEnd
@@ -44,11 +45,13 @@ def rm(
     """
     from scenectl.running import connected, run
 
+    change = Change(request)
+
     async def do() -> SceneEnd:
         async with connected(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).end(dry_run=dry_run, again=request)
+            return await (await cluster.scenes.open(scene)).end(dry_run=dry_run, again=change)
 
-    with one_change("scene rm", request, is_none=dry_run):
+    with one_change("scene rm", scene, change, is_none=dry_run):
         if not (yes or dry_run):
             _confirm(str(scene), output)
         found = run(do)

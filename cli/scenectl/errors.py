@@ -56,6 +56,8 @@ class Interrupted(Exception):
         super().__init__(signal_number)
         self.signal_number = signal_number
         self.what, self.where, self.remedy = "interrupted", "", "the same command may be given again"
+        self.request = ""
+        """Of a change that may have been made."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class Ending:
     remedy: str = ""
     request: str = ""
     """Of a change of a scene of which nobody knows."""
+    reason: str = ""
+    """Of a refusal, as specs/03-wire.md names it (Reasons)."""
 
     @property
     def line(self) -> str:
@@ -79,6 +83,8 @@ class Ending:
         error = {"kind": self.kind, "what": self.what, "where": self.where, "remedy": self.remedy}
         if self.request:
             error["request"] = self.request
+        if self.reason:
+            error["reason"] = self.reason
         return {"error": error, "exit_code": self.exit_code}
 
 
@@ -87,7 +93,7 @@ def ending_of(error: BaseException) -> Ending:
     error = most_telling(error)
     match error:
         case Interrupted():
-            return Ending("interrupted", INTERRUPTED, error.what, error.where, error.remedy)
+            return Ending("interrupted", INTERRUPTED, error.what, error.where, error.remedy, error.request)
         case KeyboardInterrupt():
             return Ending("interrupted", INTERRUPTED, "interrupted", remedy="the same command may be given again")
         case UsageFault():
@@ -140,7 +146,7 @@ def _leaves(error: BaseException) -> list[BaseException]:
 def _ending(kind: str, exit_code: int, error: ScenefoldError) -> Ending:
     request = str(error.request) if isinstance(error, InDoubt) else ""
     what, where, remedy = map(with_addresses, (error.what, error.where, error.remedy))
-    return Ending(kind, exit_code, what, where, remedy, request)
+    return Ending(kind, exit_code, what, where, remedy, request, error.reason.name.lower() if isinstance(error, Refused) else "")
 
 
 def with_addresses(text: str) -> str:

@@ -10,7 +10,8 @@ from cyclopts import Parameter
 from scenectl.errors import DONE, UNREACHABLE
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note
-from scenectl.repeating import RequestOption, one_change
+from scenectl.repeating import RequestOption, one_change, position_of
+from scenefold.client.requests import Change
 
 if TYPE_CHECKING:
     from scenefold.client.modes import ModeShown
@@ -51,6 +52,8 @@ def mode(
     from scenefold.client.modes import mode_of, set_mode
     from scenefold.wire import SceneMode
 
+    change = Change(request)
+
     async def ask() -> ModeShown:
         async with connected(output.profile) as cluster:
             access = (await cluster.scenes.open(scene)).access
@@ -62,12 +65,12 @@ def mode(
                 lambda position: note(f"decided: {to.value} mode, position {position} of the log"),
                 lambda since: note(so_already_text(to.value, since)),
                 force=force,
-                again=request,
+                again=change,
             )
 
-    with one_change("scene mode", request, is_none=to is None):
+    with one_change("scene mode", scene, change, is_none=to is None):
         found = run(ask)
-    emit(output, {"scene": scene, **found.document()}, mode_text(found))
+    emit(output, {"scene": scene, **found.document(), **position_of(change)}, mode_text(found))
     return DONE if found.is_active else UNREACHABLE
 
 

@@ -10,6 +10,7 @@ from scenectl.output import DEFAULT_PROFILE, ProfileOutput
 from scenectl.repeating import RequestOption, one_change
 from scenectl.values import AddressOption
 from scenefold.base.ids import node_id_of
+from scenefold.client.requests import Change
 
 if TYPE_CHECKING:
     from scenefold.client import Deciders
@@ -33,14 +34,16 @@ def add_observer(
     """
     from scenectl.running import connected, run
 
+    change = Change(request)
+
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
             (entry,) = await cluster.membership.participants([node_id_of(address.text)])
-            return await (await cluster.scenes.open(scene)).add_observer(entry, again=request)
+            return await (await cluster.scenes.open(scene)).add_observer(entry, again=change)
 
-    with one_change("scene add-observer", request):
+    with one_change("scene add-observer", scene, change):
         found = run(do)
-    emit_deciders(output, scene, found)
+    emit_deciders(output, scene, found, change)
 
 
 def remove_observer(
@@ -59,10 +62,12 @@ def remove_observer(
     """
     from scenectl.running import connected, run
 
+    change = Change(request)
+
     async def do() -> Deciders:
         async with connected(output.profile) as cluster:
-            return await (await cluster.scenes.open(scene)).remove_observer(node_id_of(address.text), again=request)
+            return await (await cluster.scenes.open(scene)).remove_observer(node_id_of(address.text), again=change)
 
-    with one_change("scene remove-observer", request):
+    with one_change("scene remove-observer", scene, change):
         found = run(do)
-    emit_deciders(output, scene, found)
+    emit_deciders(output, scene, found, change)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from scenectl.image_values import check_camera
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, table
-from scenectl.repeating import RequestOption, one_change
+from scenectl.repeating import RequestOption, decided_text, one_change, position_of
 from scenectl.values import ColourOption, SizeOption, real, whole
 from scenefold.base.image_limits import (
     ADAPTIVE_MAX,
@@ -22,6 +22,7 @@ from scenefold.base.image_limits import (
     SAMPLES_MAX,
 )
 from scenefold.base.limits import COORDINATE_ABS_MAX
+from scenefold.client.requests import Change
 
 if TYPE_CHECKING:
     from scenefold.client.render_settings import SettingsShown
@@ -125,14 +126,16 @@ def settings(
     def changed(before: RenderSettings) -> RenderSettings:
         return (RenderSettings() if clear else before).changed(given)
 
+    change = Change(request)
+
     async def ask() -> SettingsShown:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
-            return await (opened.change_render_settings(changed, again=request) if given or clear else opened.render_settings())
+            return await (opened.change_render_settings(changed, again=change) if given or clear else opened.render_settings())
 
-    with one_change("scene settings", request, is_none=not (given or clear)):
+    with one_change("scene settings", scene, change, is_none=not (given or clear)):
         found = run(ask)
-    emit(output, {"scene": scene, **found.document()}, settings_text(found))
+    emit(output, {"scene": scene, **found.document(), **position_of(change)}, settings_text(found) + decided_text(change))
 
 
 def settings_text(found: SettingsShown) -> str:

@@ -12,8 +12,9 @@ from scenectl.member_values import GranteeOption, shown_member
 from scenectl.names import SceneName
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, size_text, table
 from scenectl.rates import bytes_per_s
-from scenectl.repeating import RequestOption, one_change
+from scenectl.repeating import RequestOption, decided_text, one_change, position_of
 from scenefold.base.errors import ScenefoldError, UsageFault
+from scenefold.client.requests import Change
 
 if TYPE_CHECKING:
     from scenefold.client import Access, FormerKeys, Reencryption
@@ -53,16 +54,17 @@ def grant(
     from scenectl.running import connected, run
     from scenefold.client import card_for, role_named
 
-    wanted = role_named(role)
+    wanted, change = role_named(role), Change(request)
 
     async def do() -> Access:
         async with connected(output.profile) as cluster:
             member = await card_for(cluster, who.text, card)
-            return await (await cluster.scenes.open(scene)).grant(member, wanted, again=request)
+            return await (await cluster.scenes.open(scene)).grant(member, wanted, again=change)
 
-    with one_change("scene grant", request):
+    with one_change("scene grant", scene, change):
         access = run(do)
-    emit(output, {"scene": scene, **access.document()}, f"{shown_member(who.text)} may use {scene} as {role}.\n{_members(access)}")
+    text = f"{shown_member(who.text)} may use {scene} as {role}.\n{_members(access)}{decided_text(change)}"
+    emit(output, {"scene": scene, **access.document(), **position_of(change)}, text)
 
 
 def access(scene: SceneName, /, *, look: float | None = None, output: ProfileOutput = DEFAULT_PROFILE) -> None:
@@ -148,11 +150,12 @@ def revoke(
     has = "would have" if dry_run else "has"
     name, speed, gone = member_name(who.text), bytes_per_s(rate), f"{shown_member(who.text)} {has} no access to {scene} any more"
     revoked: list[Access] = []
+    change = Change(request)
 
     async def do(progress: Progress) -> Reencryption | None:
         async with connected(output.profile) as cluster:
             opened = await cluster.scenes.open(scene)
-            revoked.append(await opened.revoke(name, dry_run=dry_run, again=request))
+            revoked.append(await opened.revoke(name, dry_run=dry_run, again=change))
             if later:
                 return None
             if dry_run:
@@ -161,18 +164,20 @@ def revoke(
             return await opened.reencrypt(progress, speed)
 
     try:
-        with one_change("scene revoke", request, is_none=dry_run), Progress(quiet=output.json) as progress:
+        with one_change("scene revoke", scene, change, is_none=dry_run, tells_rest=True), Progress(quiet=output.json) as progress:
             report = run(do, progress)
     except BaseException as error:
-        if revoked and not dry_run:
-            _say_what_is_left(error, f"{gone}, but not all of its records are sealed anew", scene)
+        if change.position is not None:
+            done = f"{gone}, decided at position {change.position} of its log, but not all of its records are sealed anew"
+            _say_what_is_left(error, done, scene)
         raise
     (left,) = revoked
-    document = {"scene": scene, "dry_run": dry_run, **left.document(), "sealed_anew": None if report is None else report.document()}
+    document = {"scene": scene, "dry_run": dry_run, **left.document(), **position_of(change)}
+    document["sealed_anew"] = None if report is None else report.document()
     told = _left_as_it_is(scene, is_dry=dry_run) if report is None else _sealed(scene, report)
     # Who was told before the sealing began need not be told again.
     said = "" if report is not None and not dry_run else f"{gone}.\n"
-    emit(output, document, f"{said}{_members(left)}\n{told}")
+    emit(output, document, f"{said}{_members(left)}\n{told}{decided_text(change)}")
     return DONE if report is None or report.is_complete else DEGRADED
 
 
@@ -206,7 +211,7 @@ def rotate_key(
     from scenectl.progress import Progress
     from scenectl.running import connected, run
 
-    speed, has_key = bytes_per_s(rate), [resume or dry_run]
+    speed, change = bytes_per_s(rate), Change(request)
 
     async def do(progress: Progress) -> Reencryption:
         async with connected(output.profile) as cluster:
@@ -214,18 +219,19 @@ def rotate_key(
             if dry_run:
                 return await opened.look_what_is_to_seal(progress, speed, new_key=not resume)
             if not resume:
-                await opened.rotate_key(again=request)
-                has_key[0] = True
+                await opened.rotate_key(again=change)
             return await opened.reencrypt(progress, speed)
 
     try:
-        with one_change("scene rotate-key", request, is_none=resume or dry_run), Progress(quiet=output.json) as progress:
+        is_none = resume or dry_run
+        with one_change("scene rotate-key", scene, change, is_none=is_none, tells_rest=True), Progress(quiet=output.json) as progress:
             report = run(do, progress)
     except BaseException as error:
-        if has_key[0] and not (resume or dry_run):
-            _say_what_is_left(error, f"{scene} has a new key, but not all of its records are sealed anew", scene)
+        if change.position is not None:
+            done = f"{scene} has a new key, decided at position {change.position} of its log, but not all of its records are sealed anew"
+            _say_what_is_left(error, done, scene)
         raise
-    emit(output, {"scene": scene, **report.document()}, _sealed(scene, report))
+    emit(output, {"scene": scene, **report.document(), **position_of(change)}, _sealed(scene, report) + decided_text(change))
     return DONE if report.is_complete else DEGRADED
 
 

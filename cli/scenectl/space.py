@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from scenectl.copies import CopiesOption, MinCopiesOption, copies, copies_cell, lacking_text, warn_of
+from scenectl.copies import CopiesOption, MinCopiesOption, copies, copies_cell, lacking_text, shortages_document, shortages_of, warn_of
 from scenectl.names import NewSpaceName, SceneOption
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit, note, table
 from scenectl.positions import Box, BoxOption, FactorOption, PositionOption, check_dimensions
 from scenectl.rebasing import rebase
-from scenectl.repeating import RequestOption, one_change
+from scenectl.repeating import RequestOption, decided_text, one_change
 from scenectl.splitting import tidy
 from scenectl.values import PlaceOption, SpaceOption, name_or_number, whole
+from scenefold.client.requests import Change
 
 if TYPE_CHECKING:
     from scenefold.client import Cluster, Scene, Space
@@ -92,16 +93,17 @@ def create(
         "render_output": render_output,
         "space_id": number,
     }
-    corners = None if box is None else (box.low, box.high)
+    corners, change = None if box is None else (box.low, box.high), Change(request)
 
-    async def make(opened: Scene, cluster: Cluster) -> tuple[LoggedSpace, list[Shortage]]:
-        made = await (await opened.create_space(name, corners, again=request, **options)).info()
-        return made, await cluster.shortages(made.copies, made.copies_min)
+    async def make(opened: Scene, cluster: Cluster) -> tuple[LoggedSpace, list[Shortage] | None]:
+        made = (await opened.create_space(name, corners, again=change, **options)).made
+        assert made is not None
+        return made, await shortages_of(cluster, made)
 
-    with one_change("space create", request):
+    with one_change("space create", scene, change):
         made, short = run(_in_cluster, output.profile, scene, make)
-    document = {"scene": scene, **made.document(), "shortages": [one.document() for one in short]}
-    emit(output, document, f"Space {made.name} is made; its number is {made.id}.")
+    document = {"scene": scene, **made.document(), "position": change.position, "shortages": shortages_document(short)}
+    emit(output, document, f"Space {made.name} is made; its number is {made.id}.{decided_text(change)}")
     warn_of(made.name, short)
 
 
@@ -164,16 +166,18 @@ def translate(
     """
     from scenectl.running import run
 
+    change = Change(request)
+
     async def move(opened: Scene) -> LoggedSpace:
         moved = await opened.space_named(name_or_number(space.text))
         known = await moved.info()
         if not known.node_managed and not known.parent:  # else it cannot be moved at all, which the log says
             check_dimensions(len(by.coordinates), known.dimensions, "an offset", f"space {space}")
-        return await moved.translate(by.coordinates, again=request)
+        return await moved.translate(by.coordinates, again=change)
 
-    with one_change("space translate", request):
+    with one_change("space translate", scene, change):
         found = run(_in_scene, output.profile, scene, move)
-    _emit_moved(output, scene, found)
+    _emit_moved(output, scene, found, change)
 
 
 @app.command
@@ -201,12 +205,14 @@ def scale(
     """
     from scenectl.running import run
 
-    async def grow(opened: Scene) -> LoggedSpace:
-        return await (await opened.space_named(name_or_number(space.text))).scale(by, again=request)
+    change = Change(request)
 
-    with one_change("space scale", request):
+    async def grow(opened: Scene) -> LoggedSpace:
+        return await (await opened.space_named(name_or_number(space.text))).scale(by, again=change)
+
+    with one_change("space scale", scene, change):
         found = run(_in_scene, output.profile, scene, grow)
-    _emit_moved(output, scene, found)
+    _emit_moved(output, scene, found, change)
 
 
 @app.command
@@ -286,10 +292,10 @@ async def _in_scene(profile: str | None, scene: str, work: Any) -> Any:
     return await _in_cluster(profile, scene, lambda opened, _cluster: work(opened))
 
 
-def _emit_moved(output: ProfileOutput, scene: str, space: LoggedSpace) -> None:
+def _emit_moved(output: ProfileOutput, scene: str, space: LoggedSpace, change: Change) -> None:
     low, high = space.world_box
-    text = f"Space {space.name} spans {_corner(low)} to {_corner(high)} from now on."
-    emit(output, {"scene": scene, **space.document()}, text)
+    text = f"Space {space.name} spans {_corner(low)} to {_corner(high)} from now on.{decided_text(change)}"
+    emit(output, {"scene": scene, **space.document(), "position": change.position}, text)
 
 
 def _row(space: LoggedSpace, names: Mapping[int, str], layouts: Layouts) -> tuple[object, ...]:

@@ -6,18 +6,14 @@ from typing import TYPE_CHECKING
 
 from scenectl.output import DEFAULT_PROFILE, ProfileOutput, emit
 from scenectl.values import AddressOption
+from scenefold.base.ids import address_of, node_id_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from scenefold.base.ids import NodeId
-
-    Council = tuple[Sequence[NodeId], Sequence[NodeId]]
-    """Who decides, and which of them prepare for it yet."""
+    from scenefold.client.voters import Council
 
 
 def voters(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
-    """List the nodes that decide who is a member, who is trusted, and who has a lease, and how many of them may be lost.
+    """List the nodes that decide who is a member, who is trusted, and who has a lease, which of them do not answer, and how many more may be lost.
 
     Example: scenectl cluster voters --profile studio
     """
@@ -25,9 +21,9 @@ def voters(*, output: ProfileOutput = DEFAULT_PROFILE) -> None:
 
     async def work() -> Council:
         async with connected(output.profile) as cluster:
-            return await cluster.voters.known(), await cluster.voters.preparing(within_s=0.0)
+            return await cluster.voters.council(within_s=0.0)
 
-    _tell(output, *run(work))
+    _tell(output, run(work))
 
 
 def add_voter(address: AddressOption, /, *, output: ProfileOutput = DEFAULT_PROFILE) -> None:
@@ -60,28 +56,42 @@ def remove_voter(address: AddressOption, /, *, output: ProfileOutput = DEFAULT_P
 
 def _changed(address: str, output: ProfileOutput, *, is_added: bool) -> None:
     from scenectl.running import connected, run
-    from scenefold.base.ids import node_id_of
 
     async def work() -> tuple[bool, Council]:
         async with connected(output.profile) as cluster:
             change = cluster.voters.add if is_added else cluster.voters.remove
             is_new = await change(node_id_of(address))
-            return is_new, (await cluster.voters.known(), await cluster.voters.preparing())
+            return is_new, await cluster.voters.council()
 
     is_new, council = run(work)
     words = "decides the cluster's log" if is_added else "does not decide the cluster's log"
-    _tell(output, *council, f"Node {address} {words}{' from now on' if is_new else ' already' if is_added else ', and did not before'}.")
+    _tell(output, council, f"Node {address} {words}{' from now on' if is_new else ' already' if is_added else ', and did not before'}.")
 
 
-def _tell(output: ProfileOutput, known: Sequence[NodeId], preparing: Sequence[NodeId], first: str = "") -> None:
-    from scenefold.base.ids import address_of
-
-    addresses, spare = [address_of(node) for node in known], 0 if preparing else (len(known) - 1) // 2
-    late = [address_of(node) for node in preparing]
+def _tell(output: ProfileOutput, found: Council, first: str = "") -> None:
+    voters, preparing, silent = found.voters, found.preparing, found.silent
+    document = {
+        "voters": [address_of(node) for node in voters],
+        "may_be_lost": found.may_be_lost,
+        "preparing": [address_of(node) for node in preparing],
+        "silent": [address_of(node) for node in silent],
+    }
     lines = [first] if first else []
-    lines.append(f"Voters: {', '.join(addresses)}; {spare or 'none'} of them may be lost.")
-    if len(addresses) % 2 == 0:
-        lines.append(f"warning: {len(addresses)} stand no more losses than {len(addresses) - 1}: add one, or remove one.")
-    if late:
-        lines.append(f"warning: {', '.join(late)} must still hear what those before granted: lose no voter, and start those that are away.")
-    emit(output, {"voters": addresses, "may_be_lost": spare, "preparing": late}, "\n".join(lines))
+    lines.append(council_text(found))
+    if len(voters) % 2 == 0:
+        lines.append(f"warning: {len(voters)} stand no more losses than {len(voters) - 1}: add one, or remove one.")
+    if preparing:
+        late = ", ".join(map(address_of, preparing))
+        lines.append(f"warning: {late} must still hear what those before granted: lose no voter, and start those that are away.")
+    emit(output, document, "\n".join(lines))
+
+
+def council_text(found: Council) -> str:
+    """Who decides, and how many of them may be lost, beside those that do not answer."""
+    text = f"Voters: {', '.join(map(address_of, found.voters))}"
+    if not found.silent:
+        return f"{text}; {found.may_be_lost or 'none'} of them may be lost."
+    silent = f"{', '.join(map(address_of, found.silent))} {'does' if len(found.silent) == 1 else 'do'} not answer"
+    if not found.has_majority:
+        return f"{text}; {silent}: too few are left to decide anything. Start those."
+    return f"{text}; {silent}, and {found.may_be_lost or 'none'} of the others may be lost."

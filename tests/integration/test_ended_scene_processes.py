@@ -65,12 +65,18 @@ async def test_a_scene_that_was_ended_goes_from_all_disks_and_who_was_away_bring
         scene = await cluster.scenes.open("kitchen")
         planned = (await estate.done("scene", "rm", "kitchen", "--dry-run")).json
         assert (planned["ended"], planned["records"], planned["position"]) == (False, 8, None)
+        (before,) = (await estate.done("scene", "log", "kitchen", "--last", "1")).json["entries"]
+        earlier = f"{before['request']}@{before['position']}"
         # Who decides can be one fewer, and who only stores may be away.
         await nodes.kill(d)
         await nodes.kill(c)
         ended = (await estate.done("scene", "rm", "kitchen", "--yes")).json
         assert ended["ended"] and not ended["was_ended"] and ended["position"] > 1
         put, get = ("data", "put", "files", "10", str(pot)), ("data", "get", "files", "10")
+        (header,) = [one for one in await cluster.scenes.headers() if one.genesis == scene.genesis]
+        the_end = f"{header.request.hex()}@{ended['position']}"
+        for request, position in ((the_end, ended["position"]), (earlier, before["position"])):
+            assert (await estate.done("scene", "status", "kitchen", request)).json["position"] == position
         # Who is away holds it up that the others let go of it, and so refuse reads.
         await refused(estate, *put)
         await estate.restart(c, d)
@@ -78,6 +84,11 @@ async def test_a_scene_that_was_ended_goes_from_all_disks_and_who_was_away_bring
         await estate.until_nothing_is_held()
         await refused(estate, *put)
         await refused(estate, *get)
+        assert (await estate.done("scene", "status", "kitchen", the_end)).json["outcome"] == "committed"
+        told = await estate.run("scene", "status", "kitchen", earlier)
+        assert told.code == 3 and "nobody shows the log any more" in told.error, told.err
+        told = await estate.run("scene", "mode", "kitchen")
+        assert told.code == 4 and "was ended" in told.error, told.err
         assert (await estate.done("scene", "rm", "kitchen", "--yes")).json["was_ended"]
         assert (await estate.done("scene", "list")).json["scenes"] == []
         (kept,) = (await estate.done("scene", "list", "--ended")).json["scenes"]

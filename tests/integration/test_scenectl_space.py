@@ -195,7 +195,10 @@ def test_copies_are_said_and_listed(profile: str) -> None:
     assert (more["copies"], more["copies_min"]) == (3, 1) and more["copies_since"] > fewer["copies_since"]
     assert fewer["shortages"] == more["shortages"] == []
     done = scenectl("space", "copies", "vault", "4", "--scene", "kitchen", profile=profile)
-    assert done.out.decode() == "Space vault shall have 4 copies, at least 2 before a record counts as stored.\n"
+    said, decided = done.out.decode().splitlines()
+    assert said == "Space vault shall have 4 copies, at least 2 before a record counts as stored."
+    position = scenectl("scene", "log", "kitchen", "--json", profile=profile).json["position"]
+    assert decided == f"Decided at position {position} of the scene's log."
     few = "in spaces with 4 copies only 3 of them can be there: the cluster has 3 nodes"
     assert done.err.splitlines() == [
         f"warning: space vault is degraded from the start: {few}: add a node, and the copies are made: scenectl cluster invite --node"

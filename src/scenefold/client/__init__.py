@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from scenefold.client.reencryption import Reencryption
     from scenefold.client.removals import RemovedNode
     from scenefold.client.reports import DrainReport, HandoverReport, NodeReport
-    from scenefold.client.requests import InDoubt, Request
+    from scenefold.client.requests import Change, InDoubt, Request
     from scenefold.client.restoring import CheckedArchive, RestoreOptions, RestoreReport, check_archive
     from scenefold.client.scene import Scene, SceneInfo
     from scenefold.client.scene_log import Standing
@@ -74,7 +74,7 @@ _HOMES = {
     "scenefold.client.reencryption": "Reencryption",
     "scenefold.client.removals": "RemovedNode",
     "scenefold.client.reports": "DrainReport HandoverReport NodeReport",
-    "scenefold.client.requests": "InDoubt Request",
+    "scenefold.client.requests": "Change InDoubt Request",
     "scenefold.client.restoring": "CheckedArchive RestoreOptions RestoreReport check_archive",
     "scenefold.client.scene": "Scene SceneInfo",
     "scenefold.client.scene_log": "Standing",
@@ -104,6 +104,7 @@ __all__ = [
     "Access",
     "Ailment",
     "Carried",
+    "Change",
     "CheckedArchive",
     "Cluster",
     "ClusterHealth",

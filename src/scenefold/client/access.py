@@ -28,7 +28,7 @@ from scenefold.client.known_log import LOOK_S
 from scenefold.client.log_reading import ReadLog
 from scenefold.client.putting import put
 from scenefold.client.ranging import entries
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again, request_in
 from scenefold.client.scene_log import LogAccess
 from scenefold.client.sealing import Opened, SceneIdentity, are_sound, key_withheld, open_all, unlisted_all
 from scenefold.client.setbacks import Setbacks
@@ -166,11 +166,13 @@ class SceneAccess:
         """The newest log. Payloads that are written from now on hold coordinates as it says."""
         return self._known(await self.log_or_fault().newest())
 
-    async def change_log(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Request | None = None, forced: bool = False) -> ReadLog:
+    async def change_log(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Again = None, forced: bool = False) -> ReadLog:
         """Bring an entry into the log; see `LogAccess.propose`. UsageFault for a request that does not say where it was offered."""
-        if again is not None and not again.offered_at:
+        request = request_in(again)
+        if request is not None and not request.offered_at:
             what = "where the request was offered is not said, and what was offered there may still come"
-            raise UsageFault(what, where=f"request {again}", remedy="give the request as the error names it, with the position")
+            remedy = "give the request as the error names it, with the position; `Change()` for one that was never offered"
+            raise UsageFault(what, where=f"request {request}", remedy=remedy)
         return self._known(await self.log_or_fault().propose(entry_of, again=again, forced=forced))
 
     def _known(self, log: ReadLog) -> ReadLog:

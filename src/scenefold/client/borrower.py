@@ -42,6 +42,9 @@ MODES = {LeaseUse.EDIT: SceneMode.EDIT, LeaseUse.RENDER: SceneMode.RENDER}
 _HELD_UP = (RejectReason.MODE_FORBIDS, RejectReason.NOT_READY, RejectReason.UNKNOWN_SCENE_OR_SPACE)
 """What participants say that have no lease themselves, or know less of the scene than we do."""
 
+_Problems = dict[NodeId, ScenefoldError]
+"""Why each participant that was asked has lent nothing."""
+
 _log = logging.getLogger("scenefold.client.leases")
 
 
@@ -92,7 +95,7 @@ class Borrowing:
 
     async def _held(self, access: SceneAccess, needs: Collection[SpaceId], is_held: Callable[[int], bool]) -> None:
         self._access = access
-        until, problems = trio.current_time() + LEND_S_MAX, list[ScenefoldError]()
+        until, problems = trio.current_time() + LEND_S_MAX, _Problems()
         while True:
             identity = access.identity
             self._check_mode(identity, needs, access.name)
@@ -108,7 +111,7 @@ class Borrowing:
                 problems = await self._ask(identity, is_held) or problems
                 if is_held(access.identity.write_floor):
                     continue
-                if any(isinstance(problem, Refused) for problem in problems):
+                if any(isinstance(problem, Refused) for problem in problems.values()):
                     # What they refuse we may not know yet: another mode, or that our access was revoked.
                     await access.refresh()
                     access.check_writer()
@@ -139,12 +142,12 @@ class Borrowing:
 
     # ------------------------------------------------------------------------------------------------------- asking
 
-    async def _ask(self, identity: SceneIdentity, is_held: Callable[[int], bool]) -> list[ScenefoldError]:
+    async def _ask(self, identity: SceneIdentity, is_held: Callable[[int], bool]) -> _Problems:
         """One round of asking participants, who lent last time first; why each of them did not, if none did."""
         async with self._asking:
             if is_held(identity.write_floor) or not self.loan.may_ask(self._now()):
-                return []
-            problems: list[ScenefoldError] = []
+                return {}
+            problems = _Problems()
             last, silent, turn = self._last, self._calls.is_silent, self._calls.world.entropy.uniform()
             first = int(turn * len(identity.deciders))
             order = identity.deciders[first:] + identity.deciders[:first]
@@ -156,9 +159,9 @@ class Borrowing:
             except (Refused, Unreachable, PeerFault) as problem:
                 _log.debug("no lease of scene %08x: %s", identity.scene, problem)
                 return problems
-            return []
+            return {}
 
-    async def _ask_one(self, node: NodeId, identity: SceneIdentity, problems: list[ScenefoldError]) -> None:
+    async def _ask_one(self, node: NodeId, identity: SceneIdentity, problems: _Problems) -> None:
         asked_at = self._now()
         self._set(self.loan.asks(node, asked_at))
         # Here, where nothing is waited for between: who keeps it ends as soon as nobody holds anything for us.
@@ -167,7 +170,7 @@ class Borrowing:
             lent = await self._said(node, self._use, LEND_ASK_S)
             self._check(lent, node, identity)
         except (Refused, Unreachable, PeerFault) as problem:
-            problems.append(problem)
+            problems[node] = problem
             raise
         self._last = node
         left_s = lent.left_ms / 1000
@@ -230,12 +233,12 @@ class Borrowing:
             _log.debug("a lease is not given back to %s: %s", address_of(node), problem)
 
 
-def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError], use: LeaseUse) -> Refused:
+def _no_lease(access: SceneAccess, problems: _Problems, use: LeaseUse) -> Refused:
     """In words, with the reason that says most of those for which participants lent nothing."""
     deciders = access.identity.deciders
-    where = f"scene {access.name}; {', '.join(map(address_of, deciders))}"
+    where = f"scene {access.name}; {_by_reason(deciders, problems)}"
     done, kind = ("written to the scene", "edits") if use is LeaseUse.EDIT else ("rendered of the scene", "renders")
-    refused = [problem for problem in problems if isinstance(problem, Refused)]
+    refused = [problem for problem in problems.values() if isinstance(problem, Refused)]
     for problem in refused:
         if problem.reason is RejectReason.BUSY:
             what = f"nothing is {done} just now: somebody changes its mode, or too many hold leases of it"
@@ -251,3 +254,16 @@ def _no_lease(access: SceneAccess, problems: Sequence[ScenefoldError], use: Leas
     )
     remedy = f"start those that are down, or wait until the network is whole, and repeat it; nothing was {done.split()[0]}"
     return NoLease(RejectReason.MODE_FORBIDS, what, where=where, remedy=remedy)
+
+
+def _by_reason(deciders: Sequence[NodeId], problems: _Problems) -> str:
+    """Who lent nothing, and why: `10.0.0.2, 10.0.0.3: mode forbids; 10.0.0.4: no answer`."""
+    alike: dict[str, list[str]] = {}
+    for node in deciders:
+        problem = problems.get(node)
+        if isinstance(problem, Refused):
+            why = problem.reason.name.lower().replace("_", " ")
+        else:
+            why = "a wrong answer" if isinstance(problem, PeerFault) else "no answer"
+        alike.setdefault(why, []).append(address_of(node))
+    return "; ".join(f"{', '.join(nodes)}: {why}" for why, nodes in alike.items())

@@ -42,6 +42,11 @@ class Doubt:
     def __contains__(self, number: int) -> bool:
         return number in self._open
 
+    @property
+    def latest(self) -> int | None:
+        """The highest number that is in doubt."""
+        return max(self._open, default=None)
+
     def note(self, numbers: Iterable[int], since: str = "") -> None:
         """These may have happened, `since` something is as it is; by default: since an answer was lost."""
         for number in numbers:

@@ -10,7 +10,7 @@ from scenefold.base.ids import SceneId
 from scenefold.base.location import FIRST, LAST
 from scenefold.base.reasons import RejectReason
 from scenefold.client.ranging import entries
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again, Change, change_of
 from scenefold.wire import EndScene, SceneLogPublic, SceneMode
 
 if TYPE_CHECKING:
@@ -54,26 +54,35 @@ async def plan_end(access: SceneAccess) -> SceneEnd:
     return SceneEnd(header.scene, None, records=count)
 
 
-async def end_scene(access: SceneAccess, *, again: Request | None = None) -> SceneEnd:
+async def end_scene(access: SceneAccess, *, again: Again = None) -> SceneEnd:
     """End the scene, for ever; an owner's to do. A scene that was ended stays so.
 
     LocalFault if we are no owner; Refused (9) in render mode, (13) while a lease may still be used that somebody has borrowed to edit or
     render; Unreachable, with words, if nobody knows what became of it.
     """
-    header = await _header(access)
+    header, change = await _header(access), change_of(again)
     if header.mode is SceneMode.ENDED:
         # Nobody shows its log any more; the header of what participants have decided names the request.
-        return _ended(header, was_ended=again is None or header.request != again.id)
+        return _ended(header, was_ended=not _is_by(header, change))
     await access.log_or_fault().owner()
     _check_mode(access, header)
     try:
-        header = (await access.change_log(lambda _: EndScene(), again=again)).header
+        header = (await access.change_log(lambda _: EndScene(), again=change)).header
     except (Refused, Unreachable, LocalFault):
         # Somebody else may have ended it meanwhile, or our own word have been taken and the answer lost.
         header = await _header(access)
         if header.mode is not SceneMode.ENDED:
             raise
+        _is_by(header, change)
     return _ended(header)
+
+
+def _is_by(header: SceneLogPublic, change: Change) -> bool:
+    """Whether a scene was ended by this very change, which knows its position then."""
+    if change.request is None or header.request != change.request.id:
+        return False
+    change.stands(change.request.id, header.position)
+    return True
 
 
 async def _header(access: SceneAccess) -> SceneLogPublic:

@@ -13,7 +13,7 @@ from typing import Any
 from scenefold.base.errors import LocalFault, Refused, UsageFault
 from scenefold.client.access import SceneAccess
 from scenefold.client.births import grant_of
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again
 from scenefold.crypto import Card
 from scenefold.scene.log import Granted, SceneLog
 from scenefold.wire import Batch, KeyEpoch, Revoke, Role
@@ -58,7 +58,7 @@ async def access_of(access: SceneAccess) -> Access:
     return _access(await _state(access))
 
 
-async def grant(access: SceneAccess, card: Card, role: Role, *, again: Request | None = None) -> Access:
+async def grant(access: SceneAccess, card: Card, role: Role, *, again: Again = None) -> Access:
     """Let the holder of a card, which the caller has verified (as `card_for` does), use the scene; or give a member a higher role.
 
     LocalFault if he has that role or a higher one, or has access with other keys, and for a node that shall be an owner: those who open
@@ -71,7 +71,7 @@ async def grant(access: SceneAccess, card: Card, role: Role, *, again: Request |
     return _access((await access.change_log(lambda _: entry, again=again)).state)
 
 
-async def revoke(access: SceneAccess, name: str, *, again: Request | None = None) -> Access:
+async def revoke(access: SceneAccess, name: str, *, again: Again = None) -> Access:
     """End a member's access. The scene gets a new key, which he has not; what lies under older ones he may have read already.
 
     LocalFault if there is no such member, or it is the last owner.
@@ -95,7 +95,7 @@ def _revocation(access: SceneAccess, name: str, log: SceneLog) -> Batch:
     return Batch((Revoke(log.grants.named(name).key), _next_epoch(access, log)))
 
 
-async def rotate_key(access: SceneAccess, *, again: Request | None = None) -> Access:
+async def rotate_key(access: SceneAccess, *, again: Again = None) -> Access:
     """Begin a new key epoch: from now on everything is sealed under a new key."""
     return _access((await access.change_log(lambda log: _next_epoch(access, log), again=again)).state)
 

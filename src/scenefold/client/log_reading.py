@@ -110,6 +110,17 @@ class LogReading:
             return await self.header()
         return None
 
+    @property
+    def _end(self) -> SceneLogPublic | None:
+        """The header by which the scene was ended, if that was met."""
+        return self._followed if self._followed is not None and self._followed.mode is SceneMode.ENDED else None
+
+    async def at_end(self, ended: SceneLogPublic) -> ReadLog:
+        """The log of a scene that was ended, of who has not let go of it yet, to be asked what is in it. Unreachable, Refused or PeerFault if nobody shows it."""
+        found = await self.keepers.newest(ended, None)
+        assert found is not None
+        return found
+
     def _check_goes_on(self, header: SceneLogPublic) -> None:
         """Refused (9) once the scene was ended: those who decided it have let go of its log, or will."""
         newest = self._newer_of(header)

@@ -16,7 +16,8 @@ from scenefold.base.errors import LocalFault, Refused, Unreachable
 from scenefold.base.reasons import RejectReason
 from scenefold.client.access import SceneAccess
 from scenefold.client.log_reading import ReadLog
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again, request_in
+from scenefold.client.sealing import scene_ended
 from scenefold.scene.log import SceneLog
 from scenefold.wire import Batch, BorrowLease, LeaseUse, LentLease, LogEntry, SceneLogPublic, SceneMode, SetMode
 from scenefold.world import Priority
@@ -43,8 +44,12 @@ class ModeShown:
 
 
 async def mode_of(access: SceneAccess) -> ModeShown:
-    """What was decided last, and whether it is active."""
-    return await _shown(access, await _header(access))
+    """What was decided last, and whether it is active. Refused (9) if the scene was ended."""
+    header = await _header(access)
+    _check_goes_on(access, header)
+    shown = await _shown(access, header)
+    _check_goes_on(access, shown)
+    return shown
 
 
 async def set_mode(
@@ -54,7 +59,7 @@ async def set_mode(
     so_already: Callable[[int | None], object] = id,
     *,
     force: bool = False,
-    again: Request | None = None,
+    again: Again = None,
 ) -> ModeShown:
     """Change the mode, if it is another one, and wait until it is active, though not for ever. `decided` is told the log's position then.
 
@@ -63,18 +68,22 @@ async def set_mode(
     that seems alive does not say whether it suits it; (2) if it was switched again meanwhile. `force`: nobody is asked. Then renders
     come to an end, and what was lent runs out before. `again`: see `LogAccess.propose`.
     """
-    header, is_ours = await _header(access), False
-    if header.mode is not mode or again is not None:
+    header, is_ours, request = await _header(access), False, request_in(again)
+    if request is None:
+        # Of a change that may be in the log nobody is told that it was refused.
+        _check_goes_on(access, header)
+    if header.mode is not mode or request is not None:
         log, is_ours = await _switched(access, mode, again, force=force)
         header = log.header
         if is_ours:
-            at = _since(log, mode) if again is None else log.state.requests[again.id]
+            at = _since(log, mode) if request is None else log.state.requests[request.id]
             decided(at or header.position)
     clock = access.calls.world.clock
     began = clock.now()
     while True:
         shown = await _shown(access, header)
         if shown.mode is not mode and shown.position >= header.position:
+            _check_goes_on(access, shown)
             raise _switched_again(access, mode, shown)
         waited = clock.now() - began
         is_in_vain = shown.is_active is None and not is_ours and waited >= UNCONFIRMED_S_MAX
@@ -86,11 +95,17 @@ async def set_mode(
     return shown
 
 
+def _check_goes_on(access: SceneAccess, found: SceneLogPublic | ModeShown) -> None:
+    """Refused (9) if the scene was ended: it is in no mode any more."""
+    if found.mode is SceneMode.ENDED:
+        raise scene_ended(found.position, access.name)
+
+
 class _SoAlready(LocalFault):
     """Somebody else was faster, with the same mode."""
 
 
-async def _switched(access: SceneAccess, mode: SceneMode, again: Request | None, *, force: bool) -> tuple[ReadLog, bool]:
+async def _switched(access: SceneAccess, mode: SceneMode, again: Again, *, force: bool) -> tuple[ReadLog, bool]:
     """The log in which it is so, and whether by us."""
     try:
         return await access.change_log(partial(_switching, access.name, mode), again=again, forced=force), True

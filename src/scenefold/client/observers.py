@@ -9,12 +9,12 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import PARTICIPANTS_MAX
 from scenefold.client.access import SceneAccess
 from scenefold.client.participants import Deciders, deciders_in
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again
 from scenefold.scene.log import SceneLog
 from scenefold.wire import AddObserver, LogEntry, ParticipantEntry, RemoveObserver
 
 
-async def add_observer(access: SceneAccess, entry: ParticipantEntry, *, again: Request | None = None) -> Deciders:
+async def add_observer(access: SceneAccess, entry: ParticipantEntry, *, again: Again = None) -> Deciders:
     """Let a node observe the scene; an owner's to do. LocalFault if it takes part already, or nobody but the scene's origin decides.
 
     That it is trusted the caller has seen to (`entry_of`).
@@ -22,7 +22,7 @@ async def add_observer(access: SceneAccess, entry: ParticipantEntry, *, again: R
     return deciders_in((await access.change_log(partial(_joining, access.name, entry), again=again)).header)
 
 
-async def remove_observer(access: SceneAccess, node: NodeId, *, again: Request | None = None) -> Deciders:
+async def remove_observer(access: SceneAccess, node: NodeId, *, again: Again = None) -> Deciders:
     """Let it observe no more, whichever life it leads. LocalFault if it does not."""
     return deciders_in((await access.change_log(partial(_leaving, access.name, node), again=again)).header)
 

@@ -55,20 +55,16 @@ def refusal_of(
     if before is not None and before.participants:
         if reason is RejectReason.NO_MAJORITY:
             return _no_majority(where, before, silent, is_question=is_question)
+        mode = None if after is None or after.mode is before.mode else after.mode
         if reason is RejectReason.PEER_MISSED and by:
-            return _missed(by, silent_ms, name, before)
+            return _missed(by, silent_ms, name, before, mode)
         if reason is RejectReason.BUSY and _observes(by, before):
             what = f"an observer of the scene, {address_of(by)}, is reading it for an image"
-            remedy = f"wait until the render has ended; `scenectl scene mode {name} MODE --force` ends it"
-            return Refused(reason, what, where=f"scene {name}", remedy=remedy)
-        if reason is RejectReason.BUSY and after is not None and after.mode is not before.mode:
-            return _in_use(after.mode, where, name)
-        if (
-            reason is RejectReason.LIMIT_EXCEEDED
-            and after is not None
-            and after.participants != before.participants
-            and not changes_left(before)
-        ):
+            return Refused(reason, what, where=f"scene {name}", remedy=_waiting("the render", name, mode))
+        if reason is RejectReason.BUSY and mode is not None:
+            return _in_use(mode, where, name)
+        changes = after is not None and after.participants != before.participants
+        if reason is RejectReason.LIMIT_EXCEEDED and changes and not changes_left(before):
             return no_change_left(name, where=where)
         return _refusal_of_participants(reason, where, name)
     if reason is RejectReason.LIMIT_EXCEEDED:
@@ -85,18 +81,20 @@ def _no_majority(where: str, before: SceneLogPublic, silent: Sequence[NodeId], *
     what = f"no majority of the nodes that decide the scene's log could be reached: {len(nodes) // 2 + 1} of {len(nodes)} must agree"
     if silent:
         what += f", and {', '.join(map(address_of, silent))} {'does' if len(silent) == 1 else 'do'} not answer"
-    told = "until then nobody can tell what became of the change" if is_question else "nothing was changed"
-    remedy = f"start those that are down, and repeat it; {told}"
+    told = "ask again; what was begun may be on the disk of one of them" if is_question else "repeat it; nothing was changed"
+    remedy = f"start those that are down, and {told}"
     return Refused(RejectReason.NO_MAJORITY, what, where=f"{where}; {', '.join(nodes)}", remedy=remedy)
 
 
-def _missed(node: NodeId, silent_ms: int, name: str, before: SceneLogPublic) -> Refused:
+def _missed(node: NodeId, silent_ms: int, name: str, before: SceneLogPublic, mode: SceneMode | None) -> Refused:
     """Of a change of the mode: who seems alive has to agree."""
     address, part = address_of(node), "an observer" if _observes(node, before) else "a participant"
     since = f"; its last sign of life came {silent_ms / 1000:.1f} s ago" if silent_ms else ""
     what = f"{address}, {part} of the scene, was asked whether the mode may change, and does not answer{since}"
     forget = f"`scenectl scene remove-{part.split()[1]} {name} {address}` if it is gone for good"
-    remedy = f"start it, or repeat this when the others have noticed that it is away; or {forget}; `--force` asks nobody"
+    remedy = f"start it, or repeat this when the others have noticed that it is away; or {forget}"
+    if mode is not SceneMode.ENDED:
+        remedy += "; `--force` asks nobody"
     return Refused(RejectReason.PEER_MISSED, what, where=f"scene {name}", remedy=remedy)
 
 
@@ -107,8 +105,15 @@ def _in_use(mode: SceneMode, where: str, name: str) -> Refused:
         f"not now: {work} the scene, by a lease that a node has lent, or may do so by one that it lent before it was started anew, "
         "or a node that decides its log has too much to do"
     )
-    remedy = f"wait until that has ended; `scenectl scene mode {name} {mode.name.lower()} --force` ends it"
-    return Refused(RejectReason.BUSY, what, where=where, remedy=remedy)
+    return Refused(RejectReason.BUSY, what, where=where, remedy=_waiting("that", name, mode))
+
+
+def _waiting(what: str, name: str, mode: SceneMode | None) -> str:
+    """Behind a change of the mode. The end of a scene is one that nobody forces."""
+    if mode is SceneMode.ENDED:
+        return f"wait until {what} has ended, and repeat it"
+    to = "MODE" if mode is None else mode.name.lower()
+    return f"wait until {what} has ended; `scenectl scene mode {name} {to} --force` ends it"
 
 
 def no_change_left(name: str, *, where: str = "") -> Refused:

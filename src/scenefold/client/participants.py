@@ -12,7 +12,7 @@ from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import DECIDERS_MAX
 from scenefold.client.access import SceneAccess
 from scenefold.client.attendance import check_majority, has_majority, present_among
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again
 from scenefold.scene.log import CHANGES_MAX, SceneLog, changes_left
 from scenefold.wire import AddParticipant, Batch, LogEntry, Member, ParticipantEntry, RemoveParticipant, SceneLogPublic, SingleEntry
 
@@ -69,7 +69,7 @@ async def _header(access: SceneAccess) -> SceneLogPublic:
     return header
 
 
-async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEntry], *, again: Request | None = None) -> Deciders:
+async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEntry], *, again: Again = None) -> Deciders:
     """Let another node decide, too; while the origin decides alone, let these decide in its place, and it only if it is one of them.
 
     LocalFault if one takes part already, or these are several, and others decide. Refused (15) if of those who decide then no majority answers.
@@ -79,7 +79,7 @@ async def add_participants(access: SceneAccess, entries: Sequence[ParticipantEnt
     return deciders_in((await access.change_log(partial(_joining, access.name, entries), again=again)).header)
 
 
-async def remove_participant(access: SceneAccess, node: NodeId, *, again: Request | None = None) -> Deciders:
+async def remove_participant(access: SceneAccess, node: NodeId, *, again: Again = None) -> Deciders:
     """Let a node decide no more, whichever life it leads. LocalFault if it does not, or nobody else does; Refused (15) as above."""
     await _check_attendance(access, leaving=node)
     return deciders_in((await access.change_log(partial(_leaving, access.name, node), again=again)).header)

@@ -9,7 +9,7 @@ from typing import Any
 from scenefold.client.access import SceneAccess
 from scenefold.client.contents import camera_names, check_camera
 from scenefold.client.log_reading import ReadLog
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again, request_in
 from scenefold.wire import RenderSettings
 
 
@@ -30,16 +30,14 @@ async def settings_of(access: SceneAccess) -> SettingsShown:
     return _shown(await access.read_log())
 
 
-async def change_settings(
-    access: SceneAccess, change: Callable[[RenderSettings], RenderSettings], *, again: Request | None = None
-) -> SettingsShown:
+async def change_settings(access: SceneAccess, change: Callable[[RenderSettings], RenderSettings], *, again: Again = None) -> SettingsShown:
     """Have what the log says then changed; an owner's to do, in edit mode. Nothing is decided if that changes nothing.
 
     `change` may be called more than once: others may be faster. Refused (9) in render mode; LocalFault for what no image can be, and for a
     camera that the scene does not have, unless nothing was imported yet.
     """
-    before = await access.read_log()
-    is_there = again is not None and again.id in before.state.requests
+    before, request = await access.read_log(), request_in(again)
+    is_there = request is not None and request.id in before.state.requests
     if change(before.state.render) == before.state.render and not is_there:
         return _shown(before)
     camera = change(before.state.render).camera

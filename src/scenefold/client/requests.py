@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeAlias
 
 from scenefold.base.errors import Unreachable
 
@@ -48,3 +48,45 @@ class InDoubt(Unreachable):
     def __init__(self, what: str, *, where: str, remedy: str, request: Request) -> None:
         super().__init__(what, where=where, remedy=remedy)
         self.request = request
+
+
+class Change:
+    """One change of a scene's log, for whoever wants to know what becomes of it however its call ends: a call that is cancelled raises nothing of its own.
+
+    Given as `again` it is a new change. Given so once more, after whatever came of it, it is the very same one, which happens once at most.
+    """
+
+    def __init__(self, request: Request | None = None) -> None:
+        """`request`: of a change that was made before, perhaps in another process."""
+        self.request = request
+        """None: nothing of it has left, or it was refused, so it has not happened, and never will."""
+        self.position: int | None = None
+        """Where it is in the log, once that is known."""
+
+    @property
+    def is_in_doubt(self) -> bool:
+        """It may have happened, and nobody knows."""
+        return self.request is not None and self.position is None
+
+    def stands(self, request_id: bytes, position: int) -> None:
+        """It is in the log."""
+        self.request, self.position = Request(request_id, position), position
+
+
+Again: TypeAlias = Request | Change | None
+"""As calls that make a change take it: a `Request` is that of a change that was made before; None is a new change."""
+
+
+def change_of(again: Again) -> Change:
+    """The change itself, whatever is known of it."""
+    return again if isinstance(again, Change) else Change(again)
+
+
+def request_in(again: Again) -> Request | None:
+    """By which it was made before; None: it is new."""
+    return change_of(again).request
+
+
+def how_to_find_out(name: str, request: Request) -> str:
+    """What to do about a change of a scene of which nobody knows."""
+    return f"`scenectl scene status {name} {request}` tells what became of it: see, before you repeat it"

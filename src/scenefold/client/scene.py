@@ -26,7 +26,7 @@ from scenefold.client.purging import purge
 from scenefold.client.reencrypting import look_what_is_to_seal, reencrypt
 from scenefold.client.reencryption import Reencryption
 from scenefold.client.render_settings import SettingsShown, change_settings, settings_of
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again
 from scenefold.client.scene_log import Standing
 from scenefold.client.space import Space
 from scenefold.client.suspects import SuspectReport, look_at_suspects
@@ -70,7 +70,7 @@ class SceneInfo:
 
 
 class Scene:
-    """Made by `cluster.scenes`, or by `open_scene_with_keys`. What takes `again` makes one change of the scene's log; see `Request`."""
+    """Made by `cluster.scenes`, or by `open_scene_with_keys`. What takes `again` makes one change of the scene's log; see `Change`."""
 
     def __init__(self, access: SceneAccess) -> None:
         self.access = access
@@ -103,7 +103,7 @@ class Scene:
         name: str,
         box: tuple[Sequence[float], Sequence[float]] | None = None,
         *,
-        again: Request | None = None,
+        again: Again = None,
         **options: Unpack[SpaceOptions],
     ) -> Space:
         """Make a space, for ever: nodes know of it from the next record on.
@@ -113,7 +113,8 @@ class Scene:
         """
         make = new_space(name, box, **options)
         log = await self.access.change_log(make, again=again)
-        return self.space(log.state.named(name).id)
+        made = log.state.named(name)
+        return Space(self.access, made.id, made=made)
 
     async def content(self) -> SceneDocument | None:
         """The scene document, from which all tables are found; None if no import was completed yet."""
@@ -127,15 +128,15 @@ class Scene:
         """Who may use this scene, and in which role."""
         return await access_of(self.access)
 
-    async def grant(self, card: Card, role: Role, *, again: Request | None = None) -> Access:
+    async def grant(self, card: Card, role: Role, *, again: Again = None) -> Access:
         """Let the holder of a verified card use this scene; see `grants.grant`. An owner's to do, as are the next two."""
         return await grant(self.access, card, role, again=again)
 
-    async def revoke(self, name: str, *, dry_run: bool = False, again: Request | None = None) -> Access:
+    async def revoke(self, name: str, *, dry_run: bool = False, again: Again = None) -> Access:
         """End a member's access; the scene gets a new key. `dry_run`: only say what that would leave."""
         return await (plan_revoke(self.access, name) if dry_run else revoke(self.access, name, again=again))
 
-    async def rotate_key(self, *, again: Request | None = None) -> Access:
+    async def rotate_key(self, *, again: Again = None) -> Access:
         """Seal what is written from now on under a new key. `reencrypt` does the same for what is there."""
         return await rotate_key(self.access, again=again)
 
@@ -176,19 +177,19 @@ class Scene:
         """Who decides the scene's log."""
         return await deciders_of(self.access)
 
-    async def add_participants(self, entries: Sequence[ParticipantEntry], *, again: Request | None = None) -> Deciders:
+    async def add_participants(self, entries: Sequence[ParticipantEntry], *, again: Again = None) -> Deciders:
         """Let another node decide, too; an owner's to do. `entries`: of `cluster.membership.participants`, for only trusted nodes may."""
         return await add_participants(self.access, entries, again=again)
 
-    async def remove_participant(self, node: NodeId, *, again: Request | None = None) -> Deciders:
+    async def remove_participant(self, node: NodeId, *, again: Again = None) -> Deciders:
         """Let a node decide no more; an owner's to do. It takes a majority of those who decide, the node itself counted."""
         return await remove_participant(self.access, node, again=again)
 
-    async def add_observer(self, entry: ParticipantEntry, *, again: Request | None = None) -> Deciders:
+    async def add_observer(self, entry: ParticipantEntry, *, again: Again = None) -> Deciders:
         """Let a node observe the scene; an owner's to do. `entry`: of `cluster.membership.participants`."""
         return await add_observer(self.access, entry, again=again)
 
-    async def remove_observer(self, node: NodeId, *, again: Request | None = None) -> Deciders:
+    async def remove_observer(self, node: NodeId, *, again: Again = None) -> Deciders:
         """Let a node observe the scene no more; an owner's to do."""
         return await remove_observer(self.access, node, again=again)
 
@@ -196,13 +197,11 @@ class Scene:
         """What an image of it is by default, as its log says."""
         return await settings_of(self.access)
 
-    async def change_render_settings(
-        self, change: Callable[[RenderSettings], RenderSettings], *, again: Request | None = None
-    ) -> SettingsShown:
+    async def change_render_settings(self, change: Callable[[RenderSettings], RenderSettings], *, again: Again = None) -> SettingsShown:
         """Have that changed; an owner's to do, in edit mode. See `change_settings`."""
         return await change_settings(self.access, change, again=again)
 
-    async def end(self, *, dry_run: bool = False, again: Request | None = None) -> SceneEnd:
+    async def end(self, *, dry_run: bool = False, again: Again = None) -> SceneEnd:
         """End this scene, for ever; an owner's to do. `dry_run`: only say what would be lost; see `ending`."""
         return await (plan_end(self.access) if dry_run else end_scene(self.access, again=again))
 

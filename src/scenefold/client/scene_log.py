@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import trio
 
-from scenefold.base.errors import LocalFault, NotReached, PeerFault, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, NotReached, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.limits import CLIENT_AUTHOR_S, CLIENT_LOG_TRIES_MAX
 from scenefold.base.reasons import RejectReason
@@ -28,7 +29,7 @@ from scenefold.client.offers import proposal_of, refusal_of
 from scenefold.client.pace import Pace
 from scenefold.client.patience import Patience, is_passing
 from scenefold.client.repeating import check_same, check_told_of, is_told_of, state_before
-from scenefold.client.requests import InDoubt, Request
+from scenefold.client.requests import Again, Change, InDoubt, Request, change_of, how_to_find_out
 from scenefold.crypto import MemberSecrets, SigningKey
 from scenefold.scene.log import Draft, Followed, SceneLog, follow, keys_with_log
 from scenefold.wire import LogEntry, ProposeSceneLog, SceneLogPublic
@@ -36,6 +37,8 @@ from scenefold.wire import LogEntry, ProposeSceneLog, SceneLogPublic
 __all__ = ["LogAccess", "ReadLog", "Standing"]
 
 _REQUEST_ID_BYTES = 16
+_AT_END_S = 10.0
+"""For somebody to show the log of a scene that was ended: who has it still does so at once, and who has let go of it never will."""
 _TOO_LATE = frozenset({RejectReason.POSITION_TAKEN, RejectReason.POSITION_BEHIND})
 _NOT_LOOKED_AT = frozenset({RejectReason.NOT_AUTHORISED, RejectReason.BUSY, RejectReason.KEY_REVOKED})
 """Faults that say that a proposal was not looked at. Others may be those of a relay behind which it was decided."""
@@ -58,13 +61,20 @@ class Standing:
         return {"outcome": outcome, "position": self.position, "known_position": self.known}
 
 
+def _told(read: ReadLog, request_id: bytes, offered_at: int) -> Standing | None:
+    """What a log says of a request; None if it may still come, or be there without being told of."""
+    found, known = read.state.requests.get(request_id), read.header.position
+    if found is None and not (offered_at and known >= offered_at and is_told_of(read.state, offered_at)):
+        return None
+    return Standing(found, True, known)
+
+
 class _ChangeDoubt(Doubt):
     """Of offers of one change, by their positions."""
 
     def __init__(self, name: str, request_id: bytes) -> None:
         def remedy(position: int) -> str:
-            told = f"`scenectl scene status {name} {Request(request_id, position)}` tells what became of it"
-            return f"{told}: see, before you repeat it"
+            return how_to_find_out(name, Request(request_id, position))
 
         super().__init__("a change", lambda _: f"scene {name}", remedy, is_open_after=_may_be_decided)
         self._request_id = request_id
@@ -92,21 +102,29 @@ def _voter_is_away(voter: NodeId) -> _VoterAway:
 class LogAccess(LogReading):
     """What is read, and what is proposed."""
 
-    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Request | None = None, forced: bool = False) -> ReadLog:
+    async def propose(self, entry_of: Callable[[SceneLog], LogEntry], *, again: Again = None, forced: bool = False) -> ReadLog:
         """Bring an entry into the log; gives the log with it. `entry_of` makes it from the log as it is, each time anew, and of one log the same one.
 
-        `again`: the request by which it was proposed before, and may be in the log, or on its way: it will be there once. `forced`: it is a change of
+        `again`: the request by which it was proposed before, and may be in the log, or on its way: it will be there once; or a `Change`, which is told
+        of the request, and of the position, also if this is cancelled. `forced`: it is a change of
         the mode, and goes in whomever it does not suit. LocalFault if the entry does not fit, or we are no owner, or the log has another entry
         under that request; Refused if it did not go in, or (9) the mode forbids it, or (2) the log has forgotten such an old request; InDoubt if nobody knows.
         """
-        secrets = await self.owner()
-        request = Request(self._calls.world.entropy.token(_REQUEST_ID_BYTES)) if again is None else again
+        change, secrets = change_of(again), await self.owner()
+        before = change.request
+        request = Request(self._calls.world.entropy.token(_REQUEST_ID_BYTES)) if before is None else before
         doubt = _ChangeDoubt(self._name, request.id)
         if request.offered_at:
             # What was offered then may come, whatever is answered now.
             doubt.note([request.offered_at])
-        with doubt.no_refusal(nor_silence=True):
-            return await self._proposed(entry_of, request, secrets.signing, doubt, is_new=again is None, forced=forced)
+        try:
+            with doubt.no_refusal(nor_silence=True):
+                return await self._proposed(entry_of, change, request, secrets.signing, doubt, forced=forced)
+        except BaseException:
+            if change.position is None and doubt.latest is not None:
+                # Who is cancelled raises no error that could say so.
+                change.request = Request(request.id, doubt.latest)
+            raise
 
     async def owner(self) -> MemberSecrets:
         """What we sign changes with; LocalFault if we are no owner of the scene."""
@@ -119,11 +137,11 @@ class LogAccess(LogReading):
     async def _proposed(
         self,
         entry_of: Callable[[SceneLog], LogEntry],
+        change: Change,
         request: Request,
         author: SigningKey,
         doubt: Doubt,
         *,
-        is_new: bool,
         forced: bool,
     ) -> ReadLog:
         pace = Pace(self._calls)
@@ -132,6 +150,7 @@ class LogAccess(LogReading):
         problem: Unreachable | PeerFault | Refused | None = None
         first: NodeId | None = None
         before: ReadLog | None = None
+        is_new = change.request is None
         if is_new and self._was_alone:
             draft = await self._gone_on(entry_of, request.id, author)
         for attempt in range(CLIENT_LOG_TRIES_MAX + 1):
@@ -139,7 +158,9 @@ class LogAccess(LogReading):
             before = draft[0] if draft is not None and attempt == 0 else await self.newer(first)
             if request.id in before.state.requests:
                 doubt.settle_all()
-                return before if is_new else await self._found(before, entry_of, request)
+                found = before if is_new else await self._found(before, entry_of, request)
+                change.stands(request.id, found.state.requests[request.id])
+                return found
             if draft is not None and not before.state.tells_of(draft[1].header.position):
                 # So much was decided since that the log would not know the request any more.
                 break
@@ -162,6 +183,7 @@ class LogAccess(LogReading):
                 packet = proposal_of(after.header, after.private, forced=forced)
                 outcome = await self._offer(packet, before.header, doubt, pace.failures)
                 if isinstance(outcome, SceneLogPublic):
+                    change.stands(request.id, outcome.position)
                     self._take(outcome, keys_with_log(after.keys, after.log.state))
                     await self._memory.keep()
                     self._read = ReadLog(outcome, after.log)
@@ -215,19 +237,29 @@ class LogAccess(LogReading):
     async def standing(self, request_id: bytes, offered_at: int = 0) -> Standing:
         """What became of a request, in any process: those who decide bring to its end what was begun, and then the log is looked at.
 
-        `offered_at`: the highest position that it was proposed for; 0 if that is not known, and then "never" cannot be told. Refused or
-        Unreachable if those who decide cannot tell.
+        `offered_at`: the highest position that it was proposed for; 0 if that is not known, and then "never" cannot be told. Unreachable
+        if nobody can tell now: no refusal says anything of the request.
         """
+        try:
+            return await self._standing(request_id, offered_at)
+        except Refused as refusal:
+            what = f"nobody can tell now what became of the change: {refusal.what}"
+            raise Unreachable(what, where=refusal.where, remedy=refusal.remedy or "ask again in a while") from refusal
+
+    async def _standing(self, request_id: bytes, offered_at: int) -> Standing:
         patience, doubt = Patience(), self._doubt("nothing", lambda _: "")
         until = trio.current_time() + CLIENT_AUTHOR_S
         first: NodeId | None = None
         for attempt in itertools.count():
-            read = await self.newest(first=first)
-            found, known = read.state.requests.get(request_id), read.header.position
-            if found is not None:
-                return Standing(found, True, known)
-            if offered_at and known >= offered_at and is_told_of(read.state, offered_at):
-                return Standing(None, True, known)
+            try:
+                read = await self.newest(first=first)
+            except Refused:
+                if (ended := self._end) is None:
+                    raise
+                return await self._standing_at_end(ended, request_id, offered_at)
+            known = read.header.position
+            if (told := _told(read, request_id, offered_at)) is not None:
+                return told
             if not read.header.participants:
                 return Standing(None, False, known)
             # What is decided already is proposed again: an answer says that a majority knows of nothing behind it.
@@ -240,6 +272,20 @@ class LogAccess(LogReading):
                 raise problem
             await self._calls.pause(patience)
         raise AssertionError("whoever asks loses patience")
+
+    async def _standing_at_end(self, ended: SceneLogPublic, request_id: bytes, offered_at: int) -> Standing:
+        """Of a request of a scene that was ended: the header tells of the newest one, and the log of others, while somebody has it still."""
+        if ended.request == request_id:
+            return Standing(ended.position, True, ended.position)
+        if ended.request and offered_at == ended.position:
+            # That is another change's, and whatever was offered before was known not to come by then.
+            return Standing(None, True, ended.position)
+        with suppress(Unreachable, Refused, PeerFault, DamagedData), trio.move_on_after(_AT_END_S):
+            told = _told(await self.at_end(ended), request_id, offered_at)
+            if told is not None:
+                return told
+        what = f"the scene was ended at position {ended.position} of its log, and nobody shows the log any more: whether it has the change nobody can tell"
+        raise Unreachable(what, where=f"scene {self._name}", remedy="nothing can be changed in it any more, so there is nothing to repeat")
 
     async def announce(self, header: SceneLogPublic, private: bytes) -> SceneLogPublic:
         """Propose a first header with its sealed log; again is the same. Gives the header as it was decided.
@@ -292,10 +338,17 @@ class LogAccess(LogReading):
     async def _offer(self, packet: ProposeSceneLog, before: SceneLogPublic, doubt: Doubt, attempt: int) -> SceneLogPublic | Rejected:
         """One round of asking those who decide what follows `before`. Who was asked first last time, and could not, is asked last this time."""
         nodes = self.keepers.to_propose(before)
-        if not nodes:
-            return await offered(self._calls, packet, doubt)
-        turn = attempt % len(nodes)
-        return await offered_to(self._calls, nodes[turn:] + nodes[:turn], packet, doubt)
+        try:
+            if not nodes:
+                return await offered(self._calls, packet, doubt)
+            turn = attempt % len(nodes)
+            return await offered_to(self._calls, nodes[turn:] + nodes[:turn], packet, doubt)
+        except ScenefoldError:
+            raise
+        except BaseException:
+            # Cancelled, perhaps in a group: the answer of one that has decided it may have come in this very moment.
+            doubt.note([packet.public.position])
+            raise
 
     def _following(self, before: ReadLog, entry: LogEntry, request_id: bytes, author: SigningKey) -> Draft:
         """The log with one more entry."""

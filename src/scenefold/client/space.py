@@ -21,7 +21,7 @@ from scenefold.client.managed import ManagedPlace, ManagedRecords
 from scenefold.client.positions import Found, found_in_box, logged_space
 from scenefold.client.progress import ProgressCallback, ProgressState, callback_of
 from scenefold.client.rebasing import Carried, Rebased, carried, rebase
-from scenefold.client.requests import Request
+from scenefold.client.requests import Again, request_in
 from scenefold.client.sealing import Opened, payload_of
 from scenefold.client.splitting import Shape, SplitReport, merge, remove_record, split
 from scenefold.client.steps import checked_factor, checked_offset, movable
@@ -45,9 +45,11 @@ _GET_BATCH = _COUNTED_AT_A_TIME = 4096
 class Space:
     """Records of one space. Payloads are bytes of up to 60 KiB; they are encrypted before they leave this process."""
 
-    def __init__(self, access: SceneAccess, space_id: SpaceId) -> None:
+    def __init__(self, access: SceneAccess, space_id: SpaceId, *, made: LoggedSpace | None = None) -> None:
         self.id = space_id
         self._access = access
+        self.made = made
+        """As the log described it when it was made, of what `create_space` returns. `info` asks how it is now."""
 
     async def put(self, location: Location, payload: bytes, *, expect: bytes | None = None) -> bytes:
         """Store a record; durable when this returns. Gives the digest that a later `expect` may name.
@@ -193,31 +195,31 @@ class Space:
         """The space as the scene's log describes it now: dimensions, box, transforms; maps locations to positions."""
         return await logged_space(self._access, self.id)
 
-    async def translate(self, offset: Sequence[float], *, again: Request | None = None) -> LoggedSpace:
+    async def translate(self, offset: Sequence[float], *, again: Again = None) -> LoggedSpace:
         """Move the space: from now on its addresses mean places that lie by `offset` further. No record is moved.
 
-        Gives the space as it is then. LocalFault for an offset of another number of coordinates, or not finite. `again`: see `Request`.
+        Gives the space as it is then. LocalFault for an offset of another number of coordinates, or not finite. `again`: see `Change`.
         """
         by = checked_offset(offset, self.id)
         log = await self._access.change_log(lambda log: TranslateSpace(movable(log, self.id), by), again=again)
         return log.state.space(self.id)
 
-    async def scale(self, factor: float, *, again: Request | None = None) -> LoggedSpace:
-        """Scale the space about the world's origin, along all axes alike; `factor` > 0. No record is moved. `again`: see `Request`."""
+    async def scale(self, factor: float, *, again: Again = None) -> LoggedSpace:
+        """Scale the space about the world's origin, along all axes alike; `factor` > 0. No record is moved. `again`: see `Change`."""
         by = checked_factor(factor, self.id)
         log = await self._access.change_log(lambda log: ScaleSpace(movable(log, self.id), by), again=again)
         return log.state.space(self.id)
 
-    async def set_copies(self, copies: int, copies_min: int | None = None, *, again: Request | None = None) -> LoggedSpace:
+    async def set_copies(self, copies: int, copies_min: int | None = None, *, again: Again = None) -> LoggedSpace:
         """Say how many nodes shall hold each record from now on, 1 to 8, and how many must before a write counts as done. An owner's to do.
 
         What is there already is copied, or copies of it go, in the background, and can be read and written meanwhile. The shadows that this
         takes are made. `copies_min` None: as it was, or 2 where there was one copy, or `copies` if that is less. Gives the space as it is
-        then. LocalFault for a shadow, and for numbers that cannot be. `again`: see `Request`.
+        then. LocalFault for a shadow, and for numbers that cannot be. `again`: see `Change`.
         """
         change = new_copies(self.id, copies, copies_min)
-        log = await self._access.read_log()
-        is_there = again is not None and again.id in log.state.requests
+        log, request = await self._access.read_log(), request_in(again)
+        is_there = request is not None and request.id in log.state.requests
         if is_there or not is_so_already(change(log.state), log.state):
             log = await self._access.change_log(change, again=again)
         return log.state.space(self.id)

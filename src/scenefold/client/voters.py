@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass
 
-from scenefold.base.errors import ScenefoldError
+from scenefold.base.errors import ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.client.known_log import KnownLog
 from scenefold.client.orders import Orders
@@ -21,6 +22,26 @@ Reports = Callable[[Sequence[str]], Awaitable[Mapping[str, NodeReport | Scenefol
 """What nodes say of themselves, by address; `Cluster.reports`."""
 
 
+@dataclass(frozen=True, slots=True)
+class Council:
+    """Who decides the cluster's log, and what they said when they were asked."""
+
+    voters: Sequence[NodeId]
+    preparing: Sequence[NodeId] = ()
+    """Those that do not grant leases yet. While there is one, none may be lost."""
+    silent: Sequence[NodeId] = ()
+
+    @property
+    def has_majority(self) -> bool:
+        """Whether enough of them answer to decide anything."""
+        return len(self.voters) - len(self.silent) > len(self.voters) // 2
+
+    @property
+    def may_be_lost(self) -> int:
+        """How many more, beside those that do not answer."""
+        return 0 if self.preparing else max(0, (len(self.voters) - 1) // 2 - len(self.silent))
+
+
 class Voters:
     """Of one cluster. `first`: the one that it began with."""
 
@@ -32,22 +53,27 @@ class Voters:
         await self._cluster_log.newest()
         return self._cluster_log.voters
 
-    async def preparing(self, within_s: float = READY_S_MAX) -> Sequence[NodeId]:
-        """Which of them do not grant leases yet, once there is none, or so many seconds have passed. While one prepares, none may be lost
-        (specs/26-modes.md, Voters come and go). Who does not answer is left out: the cluster's health tells of that."""
+    async def council(self, within_s: float = READY_S_MAX) -> Council:
+        """Who decides, and which of them do not grant leases yet, or do not answer, once none of those that answer prepares, or so many
+        seconds have passed (specs/26-modes.md, Voters come and go)."""
         position = (await self._cluster_log.newest()).position
         until = self._clock.now() + within_s
-        while (found := await self._preparing(position)) and self._clock.now() < until:
+        while (found := await self._asked(position)).preparing and self._clock.now() < until:
             await self._clock.sleep(LOOK_S)
         return found
 
-    async def _preparing(self, position: int) -> Sequence[NodeId]:
+    async def preparing(self, within_s: float = READY_S_MAX) -> Sequence[NodeId]:
+        """Which of them do not grant leases yet, as `council` says."""
+        return (await self.council(within_s)).preparing
+
+    async def _asked(self, position: int) -> Council:
         voters = self._cluster_log.voters
         if len(voters) == 1:
-            return ()
+            return Council(voters)
         reports = await self._reports([address_of(node) for node in voters])
         told = [(node, reports[address_of(node)]) for node in voters]
-        return [node for node, one in told if isinstance(one, NodeReport) and not (one.grants_leases and one.log_position >= position)]
+        late = [node for node, one in told if isinstance(one, NodeReport) and not (one.grants_leases and one.log_position >= position)]
+        return Council(voters, late, [node for node, one in told if isinstance(one, Unreachable)])
 
     async def add(self, node: NodeId) -> bool:
         """Have a trusted node decide the cluster's log, too; False if it does already. LocalFault, Refused if it cannot."""

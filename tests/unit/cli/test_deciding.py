@@ -85,7 +85,7 @@ def test_a_request_is_read_as_errors_name_it() -> None:
     [
         (Standing(17, True, 19), 0, "at position 17", "committed"),
         (Standing(None, True, 19), 4, "never will be.*can be repeated", "never"),
-        (Standing(None, False, 16), 3, "may still come, until something else is decided at position 17", "open"),
+        (Standing(None, False, 16), 3, "may still come, until something else is decided at position 17.*if it takes that", "open"),
     ],
 )
 def test_what_became_of_a_change_is_in_words_and_exit_code(
@@ -102,6 +102,18 @@ def test_what_became_of_a_change_is_in_words_and_exit_code(
     assert main(["scene", "status", "kitchen", f"{REQUEST}@17", "--json", "--profile", "studio"]) == code
     document = json.loads(capsys.readouterr().out)
     assert (document["outcome"], document["known_position"], document["request"]) == (outcome, found.known, f"{REQUEST}@17")
+
+
+@pytest.mark.parametrize("reason", [RejectReason.NO_MAJORITY, RejectReason.KEY_REVOKED, RejectReason.MODE_FORBIDS])
+def test_who_refuses_to_answer_has_not_said_that_it_never_will_be(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], reason: RejectReason
+) -> None:
+    def run(_work: Any) -> None:
+        raise ExceptionGroup("of a nursery", [Refused(reason, "not to you")])
+
+    monkeypatch.setattr(running, "run", run)
+    assert main(["scene", "status", "kitchen", REQUEST, "--profile", "studio"]) == 3
+    assert "what became of the change was not told: not to you" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -130,7 +142,6 @@ def test_what_those_who_decide_refuse_has_its_exit_code(reason: RejectReason, co
         ["add-participant", "kitchen", "127.0.0.2", "127.0.0.3"],
         ["remove-participant", "kitchen", "127.0.0.2"],
         ["log", "kitchen", "--last", "5"],
-        ["status", "kitchen", REQUEST],
     ],
 )
 def test_verbs_take_their_arguments(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:

@@ -44,6 +44,16 @@ def test_exit_codes(error: BaseException, code: int) -> None:
     assert ending_of(BaseExceptionGroup("in a nursery", [error])).exit_code == code
 
 
+def test_a_refusal_has_its_reason_by_name() -> None:
+    """Scripts need not read the words."""
+    document = ending_of(Refused(RejectReason.NO_MAJORITY, "w", where="127.0.0.2")).document()
+    assert document == {
+        "error": {"kind": "refused", "what": "w", "where": "127.0.0.2", "remedy": "", "reason": "no_majority"},
+        "exit_code": 4,
+    }
+    assert "reason" not in str(ending_of(Unreachable("w")).document())
+
+
 def test_the_line_says_what_where_and_what_to_do() -> None:
     ending = ending_of(LocalFault("the port\nis taken", where="127.0.0.2:17349", remedy="stop the other node"))
     assert ending.line == "the port is taken (127.0.0.2:17349): stop the other node"

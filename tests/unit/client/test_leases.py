@@ -132,6 +132,20 @@ async def test_another_reason_is_told_as_it_is(autojump_clock: MockClock, tmp_pa
     assert told.value.reason is reason and not writes(council)
 
 
+async def test_each_of_those_that_lend_nothing_is_named_with_its_reason(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    _, space = await hall_of(council, tmp_path)
+    council.unlending = {FIVE[0]: RejectReason.NOT_READY, FIVE[1]: RejectReason.MODE_FORBIDS, FIVE[2]: RejectReason.NOT_READY}
+    with pytest.raises(NoLease) as told:
+        await space.put_at(PLACES[0], b"a chair")
+    assert told.value.where == f"scene kitchen; {FIVE[0]}, {FIVE[2]}: not ready; {FIVE[1]}: mode forbids"
+    council.away = {FIVE[2]}
+    council.unlending = {FIVE[0]: RejectReason.BUSY, FIVE[1]: RejectReason.BUSY}
+    with pytest.raises(NoLease) as told:
+        await space.put_at(PLACES[0], b"a chair")
+    assert told.value.where == f"scene kitchen; {FIVE[0]}, {FIVE[1]}: busy; {FIVE[2]}: no answer"
+
+
 async def test_a_participant_that_takes_no_part_any_more_says_nothing_of_the_writer(autojump_clock: MockClock, tmp_path: Path) -> None:
     council = FakeCouncil()
     _, space = await hall_of(council, tmp_path)

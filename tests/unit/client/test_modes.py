@@ -13,12 +13,13 @@ from scenectl.errors import REFUSED, ending_of
 from scenectl.modes import mode_text, so_already_text
 from scenefold.base.errors import Refused
 from scenefold.base.reasons import RejectReason
-from scenefold.client import modes
+from scenefold.client import Change, InDoubt, modes
 from scenefold.client.log_reading import ReadLog
 from scenefold.client.modes import ACTIVE_S_MAX, LOOK_S, ModeShown, mode_of, set_mode
 from scenefold.scene.log import SceneLog
 from scenefold.wire import BorrowLease, LeaseUse, LentLease, LogEntry, Packet, SceneLogPublic, SceneMode, SetMode
 from scenefold.world import Priority
+from scenefold.world.keyring import Keyring
 from unit.client.fake_council import FIVE, FakeCouncil
 from unit.client.test_participants import STEP, hall_of
 from unit.client.test_spaces import scene_of
@@ -149,6 +150,45 @@ async def test_what_is_called_decided_is_the_entry_that_switched_and_no_later_on
     with pytest.raises(Refused, match="the scene was switched to edit mode since"):
         await set_mode(scene.access, SceneMode.RENDER, decided.append)
     assert decided == [ours]
+
+
+async def test_a_scene_that_was_ended_is_in_no_mode_and_that_is_said(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = Lenders()
+    scene, _ = await hall_of(council, tmp_path)
+    other = await council.scenes(Keyring(tmp_path)).open("kitchen")
+    await scene.end()
+    for mode in (None, SceneMode.RENDER, SceneMode.EDIT):
+        with pytest.raises(Refused, match="the scene was ended at position 3 of its log") as told:
+            await (mode_of(other.access) if mode is None else set_mode(other.access, mode))
+        assert told.value.reason is RejectReason.MODE_FORBIDS
+
+
+async def test_who_ends_it_while_a_mode_becomes_active_ends_the_wait(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = Lenders()
+    council.looks = 1_000
+    scene, _ = await hall_of(council, tmp_path)
+    other = await council.scenes(Keyring(tmp_path)).open("kitchen")
+
+    async def end() -> None:
+        await trio.sleep(LOOK_S * 1.5)
+        await other.access.change_log(lambda _: SetMode(SceneMode.EDIT))
+        await other.end()
+
+    async with trio.open_nursery() as nursery:
+        nursery.start_soon(end)
+        with pytest.raises(Refused, match=r"was ended at position 5|switched to edit mode since"):
+            await set_mode(scene.access, SceneMode.RENDER)
+
+
+async def test_a_switch_in_doubt_is_not_refused_because_the_scene_was_ended(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = Lenders()
+    scene, _ = await hall_of(council, tmp_path)
+    change = Change()
+    await set_mode(scene.access, SceneMode.RENDER, again=change)
+    await set_mode(scene.access, SceneMode.EDIT)
+    await scene.end()
+    with pytest.raises(InDoubt, match="the scene was ended"):
+        await set_mode(scene.access, SceneMode.RENDER, again=change.request)
 
 
 @pytest.mark.parametrize("is_active, words", [(True, "which is active"), (False, "not active yet"), (None, "unknown")])

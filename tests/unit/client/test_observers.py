@@ -101,6 +101,26 @@ async def test_a_render_of_an_observer_is_named(autojump_clock: MockClock, tmp_p
         await set_mode(scene.access, SceneMode.RENDER)
 
 
+@pytest.mark.parametrize(
+    ("reason", "by", "words"),
+    [
+        (RejectReason.BUSY, A, "somebody edits the scene"),
+        (RejectReason.BUSY, E, "is reading it for an image"),
+        (RejectReason.PEER_MISSED, B, "does not answer"),
+    ],
+)
+async def test_who_ends_a_scene_is_advised_nothing_that_cannot_be(
+    autojump_clock: MockClock, tmp_path: Path, reason: RejectReason, by: str, words: str
+) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    await scene.add_observer(council.entry(node_id_of(E)))
+    council.answers = dict.fromkeys(FIVE, lambda *_: rejection(reason, node_id_of(by)))
+    with pytest.raises(Refused, match=words) as told:
+        await scene.end()
+    assert "force" not in str(told.value) and "ended --" not in str(told.value) and "repeat" in told.value.remedy
+
+
 async def test_force_is_asked_for_with_the_change_alone(autojump_clock: MockClock, tmp_path: Path) -> None:
     council = Lenders()
     scene, hall = await hall_of(council, tmp_path)

@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 from trio.testing import MockClock
 
-from scenectl.errors import REFUSED, ending_of
-from scenefold.base.errors import Refused, Unreachable
+from scenectl.errors import UNREACHABLE, ending_of
+from scenefold.base.errors import Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.base.reasons import RejectReason
+from scenefold.client import Change, InDoubt
+from scenefold.client.scene import Scene
 from scenefold.client.scene_log import Standing
 from scenefold.client.space import Space
 from scenefold.peer.scene_log.proposals import rejection
@@ -87,13 +89,14 @@ async def test_without_a_majority_nothing_is_said_of_it(autojump_clock: MockCloc
     request, position, _ = await lost(council, hall)
     council.answers = dict.fromkeys(FIVE, saying(RejectReason.NO_MAJORITY))
     council.away = {A, C}
-    with pytest.raises(Refused, match=f"no majority .*: 2 of 3 must agree, and {A}, {C} do not answer") as none:
+    with pytest.raises(Unreachable, match=f"nobody can tell now .*no majority .*: 2 of 3 must agree, and {A}, {C} do not answer") as none:
         await scene.standing(request, position)
-    assert ending_of(none.value).exit_code == REFUSED and "nothing was changed" not in none.value.remedy, "that is what nobody knows"
+    assert ending_of(none.value).exit_code == UNREACHABLE, "another code is for what never will be"
+    assert "ask again" in none.value.remedy and "nothing was changed" not in none.value.remedy, "that is what nobody knows"
     council.away = set()
     council.answers = dict.fromkeys(FIVE, saying(RejectReason.NOT_READY))
     began = autojump_clock.current_time()
-    with pytest.raises(Refused, match="do not know yet what became of it"):
+    with pytest.raises(Unreachable, match=r"nobody can tell now .*do not know yet what became of it"):
         await scene.standing(request, position)
     assert autojump_clock.current_time() - began < 60.0
 
@@ -107,3 +110,56 @@ async def test_where_the_origin_decides_alone_its_log_tells(autojump_clock: Mock
     await hall.translate(STEP)
     assert await scene.standing(NEVER_ASKED, 3) == Standing(None, True, 3)
     assert await scene.standing(NEVER_ASKED, 4) == Standing(None, False, 3)
+
+
+async def decided_end(council: FakeCouncil, scene: Scene) -> tuple[bytes, int]:
+    """The scene is ended, and whoever ended it was not answered: request and position."""
+    late: list[ProposeSceneLog] = []
+
+    def unknown(address: str, packet: ProposeSceneLog) -> Packet:
+        late.append(packet)
+        return rejection(RejectReason.NOT_READY, node_id_of(address))
+
+    council.answers = dict.fromkeys(FIVE, unknown)
+    with pytest.raises(InDoubt) as told:
+        await scene.end()
+    council.answers.clear()
+    council.propose(B, late[0])
+    return told.value.request.id, told.value.request.offered_at
+
+
+async def test_the_end_of_a_scene_is_told_by_its_own_request(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path)
+    request, position = await decided_end(council, scene)
+    council.without_log = set(FIVE)
+    for asked in (scene, await council.scenes(Keyring(tmp_path)).open("kitchen")):
+        assert await asked.standing(request, position) == await asked.standing(request) == Standing(3, True, 3)
+
+
+async def test_other_requests_of_a_scene_that_was_ended_are_told_as_long_as_somebody_has_its_log(
+    autojump_clock: MockClock, tmp_path: Path
+) -> None:
+    council = FakeCouncil()
+    scene, hall = await hall_of(council, tmp_path)
+    request, position, packet = await lost(council, hall)
+    council.propose(B, packet)
+    await scene.end()
+    for asked in (scene, await council.scenes(Keyring(tmp_path)).open("kitchen")):
+        assert await asked.standing(request, position) == Standing(3, True, 4)
+        assert await asked.standing(NEVER_ASKED, 3) == Standing(None, True, 4)
+    council.without_log = set(FIVE)
+    assert await scene.standing(NEVER_ASKED, 4) == Standing(None, True, 4), "the end has that position"
+    with pytest.raises(Unreachable, match="the scene was ended at position 4 of its log, and nobody shows the log any more") as told:
+        await scene.standing(request, position)
+    assert ending_of(told.value).exit_code == UNREACHABLE
+
+
+async def test_of_a_scene_that_its_origin_has_ended_its_log_tells(autojump_clock: MockClock, tmp_path: Path) -> None:
+    council = FakeCouncil()
+    scene, _ = await hall_of(council, tmp_path, 0)
+    change = Change()
+    await scene.end(again=change)
+    assert change.request is not None and change.position == 3
+    assert await scene.standing(change.request.id, 3) == Standing(3, True, 3)
+    assert await scene.standing(NEVER_ASKED, 3) == Standing(None, True, 3)

@@ -12,12 +12,12 @@ import pytest
 import trio
 from trio.testing import MockClock
 
-from scenefold.base.errors import DamagedData, LocalFault, NotReached, Refused, ScenefoldError, Unreachable
+from scenefold.base.errors import DamagedData, LocalFault, NotReached, PeerFault, Refused, ScenefoldError, Unreachable
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.reasons import RejectReason
 from scenefold.client.orders import Orders
 from scenefold.client.reports import NodeReport
-from scenefold.client.voters import READY_S_MAX, Voters
+from scenefold.client.voters import READY_S_MAX, Council, Voters
 from scenefold.wire import AddParticipant, DecidedValue, RemoveNode, RemoveParticipant
 from scenefold.wire.enrol_packets import Administer, Administered
 from scenefold.wire.orders import Order
@@ -91,6 +91,7 @@ class Nodes:
     def __init__(self) -> None:
         self.world = make_world()
         self.answers: dict[str, Exception] = {}
+        self.rounds: list[dict[str, Exception]] = []
         self.asked: list[tuple[str, Any]] = []
         self.said: list[dict[NodeId, dict[str, Any] | Exception]] = []
         """What voters say of themselves each time they are asked; the last stays."""
@@ -107,7 +108,15 @@ class Nodes:
         return {one: told[one] if isinstance(told[one], Exception) else report(one, None, **told[one]) for one in addresses}
 
     async def patiently(self, call: Any, **_: object) -> Any:
-        return await call()
+        """As often as it is said how they answer, and once at least."""
+        while True:
+            if self.rounds:
+                self.answers = self.rounds.pop(0)
+            try:
+                return await call()
+            except (Unreachable, Refused):
+                if not self.rounds:
+                    raise
 
 
 def office(senate: Senate) -> tuple[Nodes, Voters]:
@@ -141,7 +150,7 @@ async def test_the_first_voter_is_named_before_the_second() -> None:
 async def test_an_order_goes_to_another_voter_if_one_is_away_or_cannot() -> None:
     nodes, voters = office(Senate())
     nodes.answers = {
-        address_of(node(0)): Unreachable("nobody there"),
+        address_of(node(0)): NotReached("nobody there"),
         address_of(node(1)): Refused(RejectReason.NO_MAJORITY, "too few answer"),
     }
     assert await voters.remove(node(1))
@@ -165,7 +174,8 @@ def refusal(reason: RejectReason) -> Refused:
         ),
         ([NotReached("off"), NotReached("off"), refusal(RejectReason.NO_MAJORITY)], Refused, "too few answer"),
         ([refusal(RejectReason.NO_MAJORITY), Unreachable("may be"), NotReached("off")], Unreachable, "may be"),
-        ([refusal(RejectReason.NO_MAJORITY), refusal(RejectReason.NOT_READY), NotReached("off")], Refused, "no$"),
+        ([refusal(RejectReason.NO_MAJORITY), refusal(RejectReason.NOT_READY), NotReached("off")], Unreachable, "may have happened"),
+        ([refusal(RejectReason.NO_MAJORITY), refusal(RejectReason.BUSY), NotReached("off")], Refused, "no$"),
         ([NotReached("a"), NotReached("b"), NotReached("c")], NotReached, "c"),
     ],
 )
@@ -175,6 +185,38 @@ async def test_what_no_voter_has_carried_out_is_told_as_it_stands(said: list[Exc
     with pytest.raises(ScenefoldError, match=words) as told:
         await voters.remove(node(1))
     assert type(told.value) is expected
+
+
+@pytest.mark.parametrize("taken", [Unreachable("no answer in time"), PeerFault("nonsense"), refusal(RejectReason.NOT_READY)])
+async def test_what_a_voter_may_have_voted_for_is_refused_by_nobody_later(taken: Exception) -> None:
+    """It dies before it answers; without it no majority is there, and with it, once it is back, the order is carried out."""
+    nodes, voters = office(Senate())
+    rounds: list[dict[int, Exception]] = [
+        {0: taken, 1: refusal(RejectReason.NO_MAJORITY), 2: NotReached("off")},
+        {0: NotReached("off"), 1: refusal(RejectReason.NO_MAJORITY), 2: NotReached("off")},
+    ]
+    nodes.rounds = [{address_of(node(number)): what for number, what in said.items()} for said in rounds]
+    with pytest.raises(Unreachable, match="an order was lost, and it may have happened") as told:
+        await voters.remove(node(1))
+    assert type(told.value) is Unreachable
+    assert "`scenectl cluster voters` shows what became of it" in told.value.remedy and "may be given again" in told.value.remedy
+
+
+@pytest.mark.parametrize("last", [NotReached("off"), refusal(RejectReason.LIMIT_EXCEEDED)])
+async def test_however_a_round_ends_behind_one_that_may_have_been_taken_nobody_knows(last: Exception) -> None:
+    nodes, voters = office(Senate())
+    nodes.rounds = [
+        {address_of(node(number)): Unreachable("no answer in time") for number in range(3)},
+        {address_of(node(number)): last for number in range(3)},
+    ]
+    with pytest.raises(Unreachable, match="may have happened; a later try"):
+        await voters.add(node(3))
+
+
+async def test_what_was_in_doubt_and_is_done_is_done() -> None:
+    nodes, voters = office(Senate())
+    nodes.rounds = [{address_of(node(number)): Unreachable("no answer in time") for number in range(3)}, {}]
+    assert await voters.remove(node(1))
 
 
 async def test_those_who_answer_are_waited_for_until_all_of_them_grant_leases(autojump_clock: MockClock) -> None:
@@ -190,6 +232,7 @@ async def test_those_who_answer_are_waited_for_until_all_of_them_grant_leases(au
         {first: done, second: done, third: silent},
     ]
     assert await voters.preparing() == [] and len(nodes.said) == 1
+    assert await voters.council() == Council([first, second, third], [], [third])
     nodes.said = [{first: done, second: late, third: behind}]
     assert await voters.preparing(within_s=0.0) == [second, third]
     began = trio.current_time()
@@ -214,3 +257,21 @@ async def test_who_is_not_trusted_or_unknown_is_no_voter() -> None:
         with pytest.raises(LocalFault, match=words):
             await voters.add(who)
     assert not nodes.asked
+
+
+@pytest.mark.parametrize(
+    ("voters", "preparing", "silent", "may_be_lost", "has_majority"),
+    [
+        (3, 0, 0, 1, True),
+        (3, 0, 1, 0, True),
+        (3, 0, 2, 0, False),
+        (5, 0, 1, 1, True),
+        (5, 1, 0, 0, True),
+        (4, 0, 1, 0, True),
+        (1, 0, 0, 0, True),
+    ],
+)
+def test_those_that_are_silent_are_lost_already(voters: int, preparing: int, silent: int, may_be_lost: int, has_majority: bool) -> None:
+    nodes = [node(number) for number in range(voters)]
+    found = Council(nodes, nodes[:preparing], nodes[voters - silent :])
+    assert (found.may_be_lost, found.has_majority) == (may_be_lost, has_majority)
