@@ -11,7 +11,7 @@ from trio.testing import MockClock
 
 from scenefold.base.errors import NotReached, Refused, ScenefoldError, Unreachable
 from scenefold.base.reasons import RejectReason
-from scenefold.peer.cluster_log.asking_voters import AskingVoters
+from scenefold.peer.cluster_log.asking_voters import AskingVoters, ask_in_turn
 from scenefold.peer.timing import PROPOSE_S_MAX
 from unit.client.fake_nodes import make_world
 from unit.peer.logs_made import node
@@ -61,3 +61,37 @@ async def test_what_nobody_has_begun_is_refused_at_once(autojump_clock: MockCloc
 async def test_who_decides_alone_knows_what_it_has_decided(autojump_clock: MockClock) -> None:
     with pytest.raises(Refused, match="not at this time"):
         await asked(Unreachable("the answer was lost"), TOO_EARLY, councils=0)
+
+
+NOBODY = Refused(RejectReason.NO_MAJORITY, "no majority")
+
+
+async def passed_on(*said: ScenefoldError | int) -> Any:
+    """What a node that is no voter hears of voters that say this, one each."""
+
+    async def ask(voter: int) -> Any:
+        what = said[voter]
+        if isinstance(what, int):
+            return what
+        raise what
+
+    numbers: Any = range(len(said))
+    return await ask_in_turn(numbers, ask)
+
+
+@pytest.mark.parametrize("open_by", [UNKNOWN, Unreachable("the answer was lost")])
+@pytest.mark.parametrize("later", [TOO_EARLY, NOBODY, NotReached("off")])
+async def test_what_one_voter_may_have_begun_the_others_do_not_refuse(open_by: ScenefoldError, later: ScenefoldError) -> None:
+    with pytest.raises(Unreachable, match=open_by.what):
+        await passed_on(open_by, later)
+    with pytest.raises(Unreachable, match=open_by.what):
+        await passed_on(NOBODY, open_by, later)
+    assert await passed_on(open_by, 7) == 7
+
+
+@pytest.mark.parametrize(("said", "what"), [((NotReached("off"), NOBODY), "no majority"), ((NOBODY, TOO_EARLY), "not at this time")])
+async def test_what_no_voter_has_begun_is_refused(said: tuple[ScenefoldError, ...], what: str) -> None:
+    with pytest.raises(Refused, match=what):
+        await passed_on(*said)
+    with pytest.raises(NotReached):
+        await passed_on(NOBODY, NotReached("off"))

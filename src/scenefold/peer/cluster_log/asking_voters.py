@@ -124,15 +124,26 @@ class AskingVoters:
 
 
 async def ask_in_turn(nodes: Sequence[NodeId], ask: Callable[[NodeId], Awaitable[Packet]]) -> Packet:
-    """The answer of the first that can have something decided; the error of the last if none can. What is asked counts once, however often."""
+    """The answer of the first that can have something decided; the error of the last if none can. What is asked counts once, however often.
+
+    Refused: none of them has put it to the vote. Unreachable: one may have, whatever the others say.
+    """
     last: ScenefoldError = Unreachable("no voter is known that could be asked")
+    doubt: Unreachable | None = None
     for node in nodes:
         try:
             return await ask(node)
         except Unreachable as problem:
             last = problem
+            if not isinstance(problem, NotReached):
+                doubt = problem
         except Refused as refusal:
+            if refusal.reason is RejectReason.NOT_READY:
+                # What it may have begun, it does not call refused.
+                doubt = doubt or Unreachable(refusal.what, where=refusal.where, remedy=refusal.remedy)
             if refusal.reason not in ELSEWHERE:
+                if doubt is not None:
+                    raise doubt from refusal
                 raise
             last = refusal
-    raise last
+    raise doubt or last
