@@ -44,7 +44,11 @@ class Observations:
             self._nursery, self._pull = nursery, pull
             for one in self._all.values():
                 nursery.start_soon(one.run)
-            await trio.sleep_forever()
+            try:
+                await trio.sleep_forever()
+            finally:
+                # What is heard while the node ends begins nothing any more.
+                self._nursery = None
 
     def meets(self, public: SceneLogPublic) -> None:
         """This is the newest header of a scene here, whose log this node does not keep."""

@@ -79,7 +79,11 @@ class Participation:
                     opening.start_soon(nursery.start, one.run)
             self._nursery = nursery
             task_status.started()
-            await trio.sleep_forever()
+            try:
+                await trio.sleep_forever()
+            finally:
+                # What is heard while the node ends begins nothing any more.
+                self._nursery = self._telling = None
 
     def meets(self, known: KnownScene) -> None:
         """This is the newest header of a scene here: run its log from now on, if this node takes part in it, or has."""
