@@ -43,6 +43,8 @@ OPTIONS = RenderOptions(width=96, height=72, samples=160, seed=3, sky=(0.2, 0.3,
 """17 passes."""
 PATHS = 96 * 72 * 160
 JOB = 11
+MOVED = ("kd", "bounded-radial", "swarming")
+"""Of each kind one; tests of cells that move have the others, in one pool."""
 IMAGE = image_needs(96 * 72, OPTIONS.layers, 5, is_adaptive=False)
 
 
@@ -140,7 +142,10 @@ async def test_what_pools_deal_each_other_is_the_same_image(room: Records, alone
 
 
 @pytest.mark.usefixtures("ends_moved")
-@pytest.mark.parametrize("algorithm", [name for name in ALGORITHMS if name not in (RESTING, WHOLE)])
+@pytest.mark.parametrize(
+    "algorithm",
+    [pytest.param(name, marks=() if name in MOVED else pytest.mark.long) for name in ALGORITHMS if name not in (RESTING, WHOLE)],
+)
 async def test_each_pool_moves_its_cells(room: Records, alone: str, algorithm: str) -> None:
     async with memory_pool(offline_world(), room, 5) as pool:
         image, state = await pool.render(JOB, replace(OPTIONS, algorithm=algorithm))

@@ -76,7 +76,8 @@ class Waits:
     async def prepared(self) -> None:
         await trio.lowlevel.checkpoint()
 
-    def go(self, _first: int = 0) -> None:
+    async def go(self, _first: int = 0, _occupied: object = None) -> None:
+        await trio.lowlevel.checkpoint()
         self.gone = True
         self.hold.go()
 

@@ -113,6 +113,7 @@ def test_no_option_is_lost_on_the_way() -> None:
         environment_rotation=-30.0,
         adaptive=Adaptive(0.25, 8),
         mips=False,
+        pools=3,
     )
     usual = RenderOptions()
     assert [one.name for one in fields(options) if getattr(options, one.name) == getattr(usual, one.name)] == []
