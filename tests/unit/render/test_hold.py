@@ -89,6 +89,10 @@ class Waits:
         self._ended.set()
 
 
+JOBS = range(1, 1 + JOBS_MAX)
+"""0 is none: who asks for that asks what memory the node has."""
+
+
 class Node:
     """A host whose packets come from the test."""
 
@@ -127,11 +131,11 @@ async def test_an_organiser_that_never_says_go_gets_its_places_back_within_two_m
     host: Any = node
     async with trio.open_nursery() as nursery:
         await nursery.start(RenderService(host).run)
-        assert [await node.offered(job) for job in range(JOBS_OF_A_NODE_MAX)] == [0] * JOBS_OF_A_NODE_MAX
+        assert [await node.offered(job) for job in JOBS[:JOBS_OF_A_NODE_MAX]] == [0] * JOBS_OF_A_NODE_MAX
         assert await node.offered(90) != 0
         await trio.sleep(SILENT_S + LOOK_S)
         with pytest.raises(Refused, match="takes no part"):
-            await node.told(JobState(job=0))
+            await node.told(JobState(job=JOBS[0]))
         assert await node.offered(91) == 0
         nursery.cancel_scope.cancel()
 
@@ -140,19 +144,19 @@ async def test_an_organiser_that_died_takes_no_places_from_those_that_live(node:
     host: Any = node
     async with trio.open_nursery() as nursery:
         await nursery.start(RenderService(host).run)
-        for job in range(JOBS_OF_A_NODE_MAX):
+        for job in JOBS[:JOBS_OF_A_NODE_MAX]:
             assert await node.offered(job) == 0
-        for job in range(JOBS_OF_A_NODE_MAX, JOBS_MAX):
+        for job in JOBS[JOBS_OF_A_NODE_MAX:]:
             assert await node.offered(job, OTHER) == 0
         assert await node.offered(90, OTHER) != 0
         for _ in range(QUIET_LOOKS + 1):
             await trio.sleep(LOOK_S)
-            for job in range(JOBS_OF_A_NODE_MAX, JOBS_MAX):
+            for job in JOBS[JOBS_OF_A_NODE_MAX:]:
                 assert isinstance(await node.told(JobState(job=job), OTHER), JobStateReply)
         assert await node.offered(91, OTHER) == 0
         with pytest.raises(Refused, match="takes no part"):
-            await node.told(JobState(job=0))
-        for job in range(1, JOBS_OF_A_NODE_MAX):
+            await node.told(JobState(job=JOBS[0]))
+        for job in JOBS[1:JOBS_OF_A_NODE_MAX]:
             assert isinstance(await node.told(JobState(job=job)), JobStateReply), "one place was needed, and no more"
         nursery.cancel_scope.cancel()
 
