@@ -26,6 +26,8 @@ class ImageOptions:
     "Leave the cells where they are at first."
     pools: PoolsOption | None = None
     "In how many pools the nodes render, by default 1; each pool holds the whole scene and passes rays on among its own nodes only, so more of them take more memory and less time. auto: as many as the nodes have memory for."
+    skip_empty: Annotated[bool, Parameter(negative="", show_default=False)] = False
+    "Pass rays over cells in which they meet nothing: nodes send each other fewer rays, in more and smaller packets. For slow networks between many nodes."
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None
     "Paths for each pixel, by default 64, or as many as the scene says."
     adaptive: Annotated[float | None, real(gt=0, lte=1)] = None
@@ -92,6 +94,7 @@ class ImageOptions:
             algorithm=self.algorithm,
             fixed_cells=self.fixed_cells,
             pools=1 if self.pools is None else self.pools.count,
+            skip_empty=self.skip_empty,
             sky=None if self.sky is None else self.sky.rgb,
             camera=self.camera,
             exposure=self.exposure,

@@ -24,7 +24,7 @@ from scenefold.render.renderers.embree.tracer import EmbreeTracer
 from scenefold.wire import CancelJob
 from scenefold.world.real.world import offline_world
 
-OPTIONS = RenderOptions(width=96, height=72, samples=24, seed=3, sky=(0.2, 0.3, 0.5), algorithm="kd", moving=False)
+OPTIONS = RenderOptions(width=96, height=72, samples=24, seed=3, sky=(0.2, 0.3, 0.5), algorithm="kd", moving=False, skips=True)
 JOB = 11
 NODES = 5
 
@@ -68,14 +68,16 @@ async def test_rays_are_passed_over_what_is_empty(
     image, skipped, state = await rendered(room, NODES)
     assert len(knowing) == NODES
     assert "occupied" not in str(state["nodes"]), "nobody else needs to know"
-    # Where a node tells nothing, nobody skips anything.
+    # It has to be asked for; and where a node tells nothing, nobody skips anything.
     knowing.clear()
+    usual, passed, _ = await rendered(room, NODES, replace(OPTIONS, skips=False))
+    assert not knowing and usual == alone
 
     async def tells_nothing(self: Emptiness, *_: object) -> None:
         """As a node whose renderer cannot skip."""
 
     monkeypatch.setattr(Emptiness, "find", tells_nothing)
-    plain, passed, _ = await rendered(room, NODES)
+    plain, _, _ = await rendered(room, NODES)
     assert not knowing
     assert image == plain == alone
     assert skipped < 0.9 * passed

@@ -42,6 +42,8 @@ class StillOptions:
     """Cells stay where they are at first."""
     pools: int = 1
     """In how many render pools the nodes stand (`scenefold.render.job.POOLS_THAT_FIT`: in as many as hold the scene)."""
+    skip_empty: bool = False
+    """Rays are passed over cells in which they meet nothing."""
     sky: tuple[float, float, float] | None = None
     """Usually black."""
     camera: str | None = None
@@ -92,6 +94,7 @@ class StillOptions:
             algorithm=self.algorithm,
             moving=not self.fixed_cells,
             pools=self.pools,
+            skips=self.skip_empty,
             layers=self.layers,
             crop=crop,
             lens=lens_of(self.aperture, self.focus) or lens_of(said.paths.aperture, said.paths.focus),

@@ -71,6 +71,8 @@ class RenderOptions:
     """Whether far textures are read from their coarser levels, as their samplers say; else only the finest ever is."""
     pools: int = 1
     """In how many render pools the nodes stand, each of which holds the whole scene (specs/36-render-pools.md); `POOLS_THAT_FIT`: as many as can be. No bit depends on it."""
+    skips: bool = False
+    """Whether nodes pass rays over cells in which they meet nothing (specs/28-rebalancing.md, Empty space); no bit depends on it."""
 
     @property
     def window(self) -> Window:
@@ -174,6 +176,8 @@ class Job:
     """Whether its films are kept, so that the nodes tell a digest of what they hold."""
     moves: bool = False
     """Whether its cells may move, so that the nodes tell where rays hit."""
+    skips: bool = False
+    """Whether its nodes tell where they hold something, and pass rays over what is empty."""
 
     @property
     def window(self) -> Window:
@@ -228,6 +232,7 @@ class Job:
                 "mips": self.mips,
                 "keeps": self.keeps,
                 "moves": self.moves,
+                "skips": self.skips,
             }
         )
 
@@ -274,6 +279,7 @@ class Job:
             mips=flag(document.get("mips", True)),
             keeps=flag(document["keeps"]),
             moves=flag(document.get("moves", False)),
+            skips=flag(document.get("skips", False)),
         )
         if job.lens is not None:
             job.lens.check()

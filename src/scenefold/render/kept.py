@@ -43,7 +43,7 @@ class KeptRender:
 def asked_of(options: RenderOptions) -> dict[str, Any]:
     """Of a render's options those that decide the bits of its image: how space was divided among nodes does not."""
     document = options_document(options)
-    return {name: value for name, value in document.items() if name not in {"algorithm", "moving", "pools"}}
+    return {name: value for name, value in document.items() if name not in {"algorithm", "moving", "pools", "skips"}}
 
 
 def check_keepable(path: Path) -> None:

@@ -50,6 +50,7 @@ JOB = Job(
     adaptive=Adaptive(0.1, 8),
     keeps=True,
     moves=True,
+    skips=True,
     head=SceneHead(2**64 - 1, bytes(range(32))),
 )
 DOCUMENT: dict[str, Any] = unpack_value(JOB.to_bytes(), what="a job")
@@ -63,7 +64,7 @@ def test_a_job_round_trips_to_the_bit() -> None:
     assert Job.from_bytes(replace(JOB, crop=None).to_bytes()).crop is None
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moves": False}
+OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moves": False, "skips": False}
 """What older documents do not have, and what it is then."""
 
 

@@ -39,6 +39,7 @@ REQUEST = RenderRequest(
         mips=False,
         adaptive=Adaptive(0.05),
         pools=3,
+        skips=True,
     ),
     SceneHead(5, bytes(32), 4),
     Keep(2, bytes(range(32)), "embree"),
@@ -73,7 +74,15 @@ def test_a_request_round_trips() -> None:
     assert RenderRequest.from_map(7, DOCUMENT) == REQUEST
 
 
-OPTIONAL: dict[str, Any] = {"lens": None, "sampling": Sampling(), "environment_rotation": 0.0, "mips": True, "moving": False, "pools": 1}
+OPTIONAL: dict[str, Any] = {
+    "lens": None,
+    "sampling": Sampling(),
+    "environment_rotation": 0.0,
+    "mips": True,
+    "moving": False,
+    "pools": 1,
+    "skips": False,
+}
 """What older clients do not send, and what it is then."""
 
 

@@ -114,6 +114,7 @@ def test_no_option_is_lost_on_the_way() -> None:
         adaptive=Adaptive(0.25, 8),
         mips=False,
         pools=3,
+        skips=True,
     )
     usual = RenderOptions()
     assert [one.name for one in fields(options) if getattr(options, one.name) == getattr(usual, one.name)] == []

@@ -60,7 +60,8 @@ class Moving:
     async def open(self) -> Held:
         """The job's first cell; the scene's keys are needed for as long as this takes."""
         self.held = held = await self._opened(self._job.division, self._place)
-        await self.emptiness.find(held.loaded, *held_by(held.cell.division, self._place), held.cell.tracers)
+        if self._job.skips:
+            await self.emptiness.find(held.loaded, *held_by(held.cell.division, self._place), held.cell.tracers)
         return held
 
     async def see(self, occupied: object) -> None:

@@ -251,7 +251,7 @@ class Organiser:
             with _Timed(self, "prepare"):
                 await company.ask(StartJob(job=job.id, document=job.to_bytes()), PREPARE_S_MAX)
             begins: dict[str, Value] = {"go": True, "from": self._before}
-            if self._keep is not None or any(len(pool) > 1 for pool in job.division.ranges):
+            if self._keep is not None or job.skips:
                 await company.look()
             if told := company.take_occupied(job.division):
                 begins["occupied"] = await self._host.world.workers.run(LANE, united, told)

@@ -91,6 +91,7 @@ def _made(
         mips=options.mips,
         keeps=request.keep is not None,
         moves=options.moving and len(nodes) > 1 and rule_of(options.algorithm) is not None,
+        skips=options.skips and any(cells.nodes > 1 for cells in division.pools),
     )
     return Plan(job, tables, dividing)
 

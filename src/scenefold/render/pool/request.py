@@ -130,6 +130,7 @@ def options_document(options: RenderOptions) -> dict[str, Value]:
         "adaptive": None if options.adaptive is None else options.adaptive.row(),
         "mips": options.mips,
         "pools": options.pools,
+        "skips": options.skips,
     }
 
 
@@ -155,6 +156,7 @@ def options_of(document: dict[str, Any]) -> RenderOptions:
         adaptive=Adaptive.of_row(document["adaptive"]),
         mips=flag(document.get("mips", True)),
         pools=whole(document.get("pools", 1), *WORD),
+        skips=flag(document.get("skips", False)),
     )
 
 
