@@ -25,6 +25,8 @@ from scenefold.wire import CancelJob
 from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(width=96, height=72, samples=24, seed=3, sky=(0.2, 0.3, 0.5), algorithm="kd", moving=False, skips=True)
+LONG = replace(OPTIONS, samples=2_000)
+"""It is not over before it is looked at."""
 JOB = 11
 NODES = 5
 
@@ -126,7 +128,7 @@ async def test_who_comes_back_knows_it(room: Records, knowing: list[EmbreeTracer
 
 async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(JOB, OPTIONS)
+        owner = await pool.start(JOB, LONG)
         while not (await pool.state(JOB, owner))["closed"]:
             await pool.world.clock.sleep(0.005)
         moving = pool.hosts[pool.nodes[0]].service._part(JOB)._moving
@@ -146,7 +148,7 @@ async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
 async def test_who_holds_something_where_nothing_is_said_to_be_begins_nothing(room: Records) -> None:
     """It read its cell before or behind an edit, and another node did not."""
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(JOB, OPTIONS)
+        owner = await pool.start(JOB, LONG)
         while not (await pool.state(JOB, owner))["closed"]:
             await pool.world.clock.sleep(0.005)
         moving = pool.hosts[pool.nodes[0]].service._part(JOB)._moving
@@ -176,7 +178,7 @@ def test_a_large_share_is_marked_in_pieces(room: Records, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("occupied", [7, b"no voxels", "voxels"])
 async def test_what_is_no_word_of_empty_space_is_none(room: Records, occupied: object) -> None:
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(JOB, OPTIONS)
+        owner = await pool.start(JOB, LONG)
         while not (await pool.state(JOB, owner))["closed"]:
             await pool.world.clock.sleep(0.005)
         part = pool.hosts[pool.nodes[0]].service._part(JOB)
