@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from render.painted_room import write_room
+from scenefold.render.pool import dealing
 from scenefold.render.pool.organiser import Organiser
+from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.pool import Records, records_of
 
 
@@ -24,3 +26,11 @@ def ends_moved(monkeypatch: pytest.MonkeyPatch) -> None:
         return await plain(self) and self._course.moves > 0
 
     monkeypatch.setattr(Organiser, "_all_closed", all_closed)
+
+
+@pytest.fixture
+def all_help(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever may be dealt paths is presumed to have nothing else to do, from the first pass on."""
+    monkeypatch.setattr(dealing, "TRIP_S", 0.0)
+    monkeypatch.setattr(dealing, "PART_RAYS_MIN", 1)
+    monkeypatch.setattr(StillOpen, "release", lambda self, until: [0] * self._nodes)

@@ -23,7 +23,6 @@ from scenefold.render.pool.dividing import EVERYTHING
 from scenefold.render.pool.member import Member
 from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import organiser_of
-from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, Records, memory_pool, running, sha256_of
 from scenefold.render.renderers.embree.renderer import EmbreeScene
@@ -40,14 +39,6 @@ JOB = 11
 def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """These jobs are short."""
     monkeypatch.setattr(organiser, "POLL_S", 0.01)
-
-
-@pytest.fixture
-def all_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Everybody is presumed to have nothing else to do, from the first pass on."""
-    monkeypatch.setattr(dealing, "TRIP_S", 0.0)
-    monkeypatch.setattr(dealing, "PART_RAYS_MIN", 1)
-    monkeypatch.setattr(StillOpen, "release", lambda self, until: [0] * self._nodes)
 
 
 @pytest.fixture(scope="module")

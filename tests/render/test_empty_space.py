@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 import trio
 
+from render.test_render_pools import after_a_comeback
 from scenefold.base.errors import PeerFault, Refused
-from scenefold.base.ids import address_of
+from scenefold.base.ids import NodeId, address_of
 from scenefold.partition import Partition
 from scenefold.render.arrays import NOTHING_KNOWN
 from scenefold.render.job import RenderOptions
 from scenefold.render.occupied import packed, pieces_of, unpacked
-from scenefold.render.pool import comebacks, organiser
+from scenefold.render.pool import organiser
 from scenefold.render.pool.emptiness import Emptiness
-from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import read_tables
-from scenefold.render.rehearsal.pool import MemoryReader, Records, memory_pool, sha256_of
+from scenefold.render.rehearsal.pool import MemoryPool, MemoryReader, Records, memory_pool, sha256_of
 from scenefold.render.renderers.embree.tracer import EmbreeTracer
 from scenefold.wire import CancelJob
 from scenefold.world.real.world import offline_world
@@ -106,31 +106,25 @@ async def test_cells_that_moved_know_it(room: Records, alone: str, knowing: list
 
 @pytest.mark.expect_log("go on")
 async def test_who_comes_back_knows_it(room: Records, knowing: list[EmbreeTracer], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(organiser, "COMEBACK_WORTH", 0.0)
-    monkeypatch.setattr(organiser, "COMEBACK_S", 0.05)
-    monkeypatch.setattr(comebacks, "LOOK_S", 0.05)
-    options = replace(OPTIONS, samples=320)
     async with memory_pool(offline_world(), room, 3) as pool:
-        victim = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
-        owner = await pool.start(JOB, options)
-        while (await pool.state(JOB, owner))["closed"] < 3:
-            await pool.world.clock.sleep(0.005)
-        pool.kill(victim)
-        while not (await pool.state(JOB, owner))["lost"]:
-            await pool.world.clock.sleep(0.005)
-        await pool.restart(victim)
-        _, state = await pool.finished(JOB, owner)
+        _, state, victim = await after_a_comeback(pool, replace(OPTIONS, samples=320), monkeypatch)
         assert state["back"] == [address_of(victim)]
     assert all(tracer._empty is not NOTHING_KNOWN for tracer in knowing)
     # Three at first, two that carved up the third one's cell, who came back, in its first cell, and those whose cells of a fresh division are others.
     assert len(knowing) >= 8
 
 
+async def tracing(pool: MemoryPool) -> NodeId:
+    """Who organises a job that goes on for long, of which a pass is closed."""
+    owner = await pool.start(JOB, LONG)
+    while not (await pool.state(JOB, owner))["closed"]:
+        await pool.world.clock.sleep(0.005)
+    return owner
+
+
 async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(JOB, LONG)
-        while not (await pool.state(JOB, owner))["closed"]:
-            await pool.world.clock.sleep(0.005)
+        owner = await tracing(pool)
         moving = pool.hosts[pool.nodes[0]].service._part(JOB)._moving
         assert moving.held is not None
         emptiness, held = moving.emptiness, moving.held
@@ -148,9 +142,7 @@ async def test_what_was_put_where_nothing_was_is_noticed(room: Records) -> None:
 async def test_who_holds_something_where_nothing_is_said_to_be_begins_nothing(room: Records) -> None:
     """It read its cell before or behind an edit, and another node did not."""
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(JOB, LONG)
-        while not (await pool.state(JOB, owner))["closed"]:
-            await pool.world.clock.sleep(0.005)
+        owner = await tracing(pool)
         moving = pool.hosts[pool.nodes[0]].service._part(JOB)._moving
         assert moving.held is not None
         emptiness, held = moving.emptiness, moving.held
@@ -178,9 +170,7 @@ def test_a_large_share_is_marked_in_pieces(room: Records, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("occupied", [7, b"no voxels", "voxels"])
 async def test_what_is_no_word_of_empty_space_is_none(room: Records, occupied: object) -> None:
     async with memory_pool(offline_world(), room, 2) as pool:
-        owner = await pool.start(JOB, LONG)
-        while not (await pool.state(JOB, owner))["closed"]:
-            await pool.world.clock.sleep(0.005)
+        owner = await tracing(pool)
         part = pool.hosts[pool.nodes[0]].service._part(JOB)
         with pytest.raises(PeerFault, match="ill-formed"):
             await part.go(0, occupied)

@@ -22,7 +22,7 @@ from scenefold.render.algorithms import ALGORITHMS, RESTING, WHOLE
 from scenefold.render.job import POOLS_THAT_FIT, RenderOptions
 from scenefold.render.levels import Adaptive
 from scenefold.render.passes import PassPlan
-from scenefold.render.pool import comebacks, dealing, organiser, share
+from scenefold.render.pool import comebacks, organiser, share
 from scenefold.render.pool.budgets import budget_document, budget_told
 from scenefold.render.pool.dividing import Dividing, Standing
 from scenefold.render.pool.image_memory import image_needs
@@ -30,7 +30,6 @@ from scenefold.render.pool.member import Member
 from scenefold.render.pool.own_passes import pass_owner
 from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import read_tables
-from scenefold.render.pool.still_open import StillOpen
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader, Records, memory_pool, running, sha256_of
 from scenefold.scene.importers import atoms, prototypes
@@ -52,14 +51,6 @@ IMAGE = image_needs(96 * 72, OPTIONS.layers, 5, is_adaptive=False)
 def looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """These jobs are short."""
     monkeypatch.setattr(organiser, "POLL_S", 0.01)
-
-
-@pytest.fixture
-def all_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All pools are presumed to have nothing else to do, from the first pass on."""
-    monkeypatch.setattr(dealing, "TRIP_S", 0.0)
-    monkeypatch.setattr(dealing, "PART_RAYS_MIN", 1)
-    monkeypatch.setattr(StillOpen, "release", lambda self, until: [0] * self._nodes)
 
 
 @pytest.fixture(scope="module")
@@ -207,6 +198,24 @@ async def after_losing(pool: MemoryPool, victims: Sequence[NodeId], options: Ren
     return sha256_of(image), state
 
 
+async def after_a_comeback(
+    pool: MemoryPool, options: RenderOptions, monkeypatch: pytest.MonkeyPatch
+) -> tuple[bytes, dict[str, Any], NodeId]:
+    """The image, a node having died once three passes were closed, and been started anew; and which one that was."""
+    monkeypatch.setattr(organiser, "COMEBACK_WORTH", 0.0)
+    monkeypatch.setattr(organiser, "COMEBACK_S", 0.05)
+    monkeypatch.setattr(comebacks, "LOOK_S", 0.05)
+    victim = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
+    owner = await pool.start(JOB, options)
+    while (await pool.state(JOB, owner))["closed"] < 3:
+        await pool.world.clock.sleep(0.005)
+    pool.kill(victim)
+    while not (await pool.state(JOB, owner))["lost"]:
+        await pool.world.clock.sleep(0.005)
+    await pool.restart(victim)
+    return *(await pool.finished(JOB, owner)), victim
+
+
 @pytest.mark.expect_log("nodes go on")
 async def test_a_pool_carves_up_the_cell_of_a_node_that_dies(room: Records, alone: str) -> None:
     async with memory_pool(offline_world(), room, 5) as pool:
@@ -289,20 +298,9 @@ async def dividing_of(room: Records, options: RenderOptions, free: dict[NodeId, 
 
 @pytest.mark.expect_log("go on")
 async def test_who_comes_back_is_in_a_pool_again(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(organiser, "COMEBACK_WORTH", 0.0)
-    monkeypatch.setattr(organiser, "COMEBACK_S", 0.05)
-    monkeypatch.setattr(comebacks, "LOOK_S", 0.05)
     options = replace(OPTIONS, samples=640)
     async with memory_pool(offline_world(), room, 5) as pool:
-        victim = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
-        owner = await pool.start(JOB, options)
-        while (await pool.state(JOB, owner))["closed"] < 3:
-            await pool.world.clock.sleep(0.005)
-        pool.kill(victim)
-        while not (await pool.state(JOB, owner))["lost"]:
-            await pool.world.clock.sleep(0.005)
-        await pool.restart(victim)
-        image, state = await pool.finished(JOB, owner)
+        image, state, victim = await after_a_comeback(pool, options, monkeypatch)
         one, _ = await pool.render(JOB + 1, replace(options, pools=1))
     assert image == one
     assert state["back"] == [address_of(victim)] and state["pools"] == 2
