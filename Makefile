@@ -24,7 +24,7 @@ help: ## this list
 	@echo 'make demo    five nodes on this machine render the sample scene into demo-output/'
 	@echo 'make test    lint, then all tests'
 	@echo 'make test-render  the long forms of the tests of images, and Mitsuba through the kit'
-	@echo 'make test-simulation  all tests in the simulated world, also those that make test leaves out'
+	@echo 'make test-simulation  all tests in the simulated world and of its peers, also those that make test leaves out'
 	@echo 'make test-processes  all tests with real processes, also those that make test leaves out'
 	@echo 'make install .venv with scenectl in it'
 	@echo 'make lint    ruff, mypy --strict, import-linter'
@@ -51,12 +51,12 @@ test:
 # Minutes of furnaces, samplers and analytic scenes, and the renderer that needs an extra.
 test-render: export PYTHONDONTWRITEBYTECODE =
 test-render:
-	$(call ready,dev mitsuba)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/render/test_at_length.py tests/render/test_kit.py tests/render/test_kit_mitsuba.py tests/render/test_furnace.py tests/render/test_example_renderer.py tests/render/test_losing_nodes.py tests/render/test_mapped_lamps.py
+	$(call ready,dev mitsuba)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/render/test_at_length.py tests/render/test_kit.py tests/render/test_kit_mitsuba.py tests/render/test_furnace.py tests/render/test_example_renderer.py tests/render/test_losing_nodes.py tests/render/test_render_pools.py tests/render/test_mapped_lamps.py tests/unit/render/test_transmission_kernels.py
 
-# Whole storms of each kind, and the crashes of all steps.
+# Whole storms of each kind, of single parts too, and the crashes of all steps.
 test-simulation: export PYTHONDONTWRITEBYTECODE =
 test-simulation:
-	$(call ready,dev)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/simulation
+	$(call ready,dev)$(BIN)/python -m pytest $(TOGETHER) -m 'long or not long' tests/simulation tests/unit/peer
 
 # `make test` has one of several that kill, bench or render with real processes; storms in the simulated world have all of it.
 test-processes: export PYTHONDONTWRITEBYTECODE =

@@ -27,11 +27,13 @@ use_kernel_cache()
 ORDER = (("house",), ("unit",), ("study",), ("conformance",), ("render",), ("simulation", "integration", "models"))
 # Of these the longest first, lest one of them runs alone at the end: a process of tests takes whole files, in this order.
 LONGEST = (
+    "integration/test_log_partition.py",
     "models/test_models.py",
     "simulation/test_every_step.py",
     "integration/test_moving_processes.py",
     "simulation/test_mutants.py",
-    "integration/test_hostile.py",
+    "integration/test_log_kill_points.py",
+    "integration/test_observers_processes.py",
     "integration/test_scenectl_membership.py",
     "integration/test_render_still_ends.py",
     "integration/test_enrolling.py",
@@ -43,6 +45,10 @@ LONGEST = (
     "integration/test_rotating_processes.py",
     "integration/test_bad_input.py",
     "integration/test_copies_processes.py",
+    "integration/test_versions_processes.py",
+    "integration/test_voters_processes.py",
+    "integration/test_first_node_away.py",
+    "integration/test_render_resume.py",
     "integration/test_who_renders.py",
     "simulation/test_client_boxes.py",
     "integration/test_reading_processes.py",
@@ -54,7 +60,7 @@ LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "exce
 
 # Machines that run tests are slow at times; a deadline would only measure that.
 hypothesis.settings.register_profile("default", deadline=None)
-hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True, max_examples=60)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True, max_examples=40)
 hypothesis.settings.register_profile("thorough", deadline=None, max_examples=2000)
 hypothesis.settings.load_profile("default")
 

@@ -165,7 +165,12 @@ async def under_attack(living: Living, honest: Honest, scene: Scene, name: str) 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(
     "names",
-    [STRANGERS, pytest.param(HOLDERS, marks=pytest.mark.long), FORGERS, pytest.param(BY_MEMBERS, marks=pytest.mark.long)],
+    [
+        pytest.param(STRANGERS, marks=pytest.mark.long),
+        pytest.param(HOLDERS, marks=pytest.mark.long),
+        FORGERS,
+        pytest.param(BY_MEMBERS, marks=pytest.mark.long),
+    ],
     ids=["strangers", "holders", "forgers", "members"],
 )
 async def test_honest_clients_go_on_being_served(names: Sequence[str], tmp_path: Path) -> None:

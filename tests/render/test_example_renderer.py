@@ -15,7 +15,7 @@ from scenefold.render.kit.rig import Rig
 from scenefold.render.kit.shapes import room
 
 pytestmark = pytest.mark.timeout(300)
-LONG = frozenset({"a glowing rectangle", "inside of a glowing sphere"})
+LONG = frozenset({"a glowing rectangle", "inside of a glowing sphere", "instances of a rectangle made far away"})
 """Of the kit: in Python these take a quarter of a minute each. Other lamps and another furnace are left."""
 EXAMPLE = ROOT / "docs" / "examples" / "plain_renderer.py"
 

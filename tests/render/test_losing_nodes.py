@@ -184,6 +184,7 @@ async def test_a_node_that_comes_back_takes_part_again(
 
 @pytest.mark.usefixtures("comes_soon")
 @pytest.mark.expect_log("are back")
+@pytest.mark.long
 async def test_nodes_die_and_come_back_all_the_time(room: Records, alone: Callable[[RenderOptions], str]) -> None:
     options = replace(OPTIONS, samples=640)
     async with memory_pool(offline_world(), room, 4) as pool:

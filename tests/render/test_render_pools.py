@@ -145,7 +145,10 @@ async def test_each_pool_moves_its_cells(room: Records, alone: str, algorithm: s
 
 
 @pytest.mark.usefixtures("all_help")
-@pytest.mark.parametrize("faults", [Faults(lost=0.2), Faults(doubled=0.2, late=0.3)], ids=["lost", "doubled and late"])
+@pytest.mark.parametrize(
+    "faults",
+    [pytest.param(Faults(lost=0.2), marks=pytest.mark.long, id="lost"), pytest.param(Faults(doubled=0.2, late=0.3), id="doubled and late")],
+)
 async def test_whatever_the_network_does(room: Records, alone: str, faults: Faults) -> None:
     async with running(FaultyPool(offline_world(), room, 5, faults)) as pool:
         image, state = await pool.render(JOB, OPTIONS)

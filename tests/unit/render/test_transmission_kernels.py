@@ -65,7 +65,7 @@ def everywhere(count: int, seed: int) -> Floats:
 
 
 @pytest.mark.parametrize("cosine", [0.05, 0.2, 0.5, 0.9, 1.0])
-@pytest.mark.parametrize("roughness", [0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0])
+@pytest.mark.parametrize("roughness", [0.1, *(pytest.param(each, marks=pytest.mark.long) for each in (0.2, 0.4, 0.8)), 0.3, 0.6, 1.0])
 @pytest.mark.parametrize("reflection", [(0.04, 0.04, 0.04, 1.0), (0.2, 0.2, 0.2, 0.6), (0.0, 0.0, 0.0, 0.0)])
 @pytest.mark.parametrize("thin", [0.6, 1.0])
 def test_a_white_wall_gives_on_all_that_it_gets(thin: float, reflection: tuple[float, ...], roughness: float, cosine: float) -> None:

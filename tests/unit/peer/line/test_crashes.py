@@ -112,7 +112,7 @@ IN_PARTS = [(Point.BEFORE_SEND, 20), (Point.AFTER_SEND, 20), (Point.BEFORE_COMMI
 
 
 @pytest.mark.parametrize(("point", "least"), IN_PARTS)
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_crash_at_every_step_of_a_handover_in_many_parts(monkeypatch: pytest.MonkeyPatch, number: int, point: Point, least: int) -> None:
     """A real piece is listed, copied and deleted in many batches, and a node may die between any two of them."""
     monkeypatch.setattr(copying, "LIST_RECORDS_MAX", PART)

@@ -17,7 +17,7 @@ SEEDS = 12
 EACH = 6
 
 
-@pytest.mark.parametrize("first", range(0, SEEDS, EACH))
+@pytest.mark.parametrize("first", [0, *(pytest.param(first, marks=pytest.mark.long) for first in range(EACH, SEEDS, EACH))])
 def test_anything_at_any_time(first: int) -> None:
     counts: Counter[str] = Counter()
     for seed in range(first, first + EACH):
