@@ -34,7 +34,7 @@ class ComparingStore(OpenedStore):
         return await self._view(read_spaces, spaces, arc) if spaces else []
 
     async def sums(self, scene: SceneId, space: SpaceId, arcs: Sequence[Arc]) -> list[RangeSum]:
-        """How many records have their homes in each arc, and the sum of their versions. Some ms an arc, without a walk over it.
+        """How many records have their homes in each arc, and the sum of their versions. Some tenths of a ms an arc, without a walk over it.
 
         A damaged tree is made anew; until then what it does not have yet is counted, some 5 us a record.
         """

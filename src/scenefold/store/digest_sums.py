@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from scenefold.base.location import LAST, Arc, Location
@@ -10,9 +10,10 @@ from scenefold.store.digest_changes import built_to
 from scenefold.store.digest_tree import LEVELS, Rows
 from scenefold.store.homes import by_home
 from scenefold.store.layout import SpaceAddress, Spot, sound_header, spot_of
-from scenefold.store.versions import RangeSum, stored_sum, version_of
+from scenefold.store.versions import SUM_MODULUS, RangeSum, stored_sum, version_of
 from scenefold.world.ports import ReadTransaction
 
+_END = bytes(LAST)
 WRECKS_MAX = 256
 """Of one look: the others are met by the next one."""
 
@@ -44,43 +45,84 @@ class Sums(NamedTuple):
 
 
 def read_sums(transaction: ReadTransaction, space: SpaceAddress, arcs: Sequence[Arc]) -> Sums:
-    """What lies in each arc, by homes: some ms an arc, however much there is. TreeDamaged if the tree is to be made anew."""
+    """What lies in each arc, by homes: some tenths of a ms an arc, however much there is. TreeDamaged if the tree is to be made anew."""
     wrecks: dict[Spot, None] = {}
     built, prefixes = built_to(transaction, space), _Prefixes(transaction, space, wrecks)
-    sums = []
-    for arc in arcs:
-        behind, last = _before(arc.first), bytes(arc.last)
-        total = prefixes.up_to(min(last, built)).without(prefixes.up_to(min(behind, built)))
-        # What the tree does not have yet is walked over, and nothing else is.
-        sums.append(total.and_also(*_walked(transaction, space, max(behind, built), last, wrecks)))
+    pieces = [(_before(arc.first), bytes(arc.last)) for arc in arcs]
+    bounds = sorted({min(bound, built) for piece in pieces for bound in piece})
+    up_to = {bound: prefixes.up_to(bound) for bound in bounds}
+    # What the tree does not have yet is walked over, and nothing else is.
+    sums = [
+        up_to[min(last, built)].without(up_to[min(behind, built)]).and_also(*_walked(transaction, space, max(behind, built), last, wrecks))
+        for behind, last in pieces
+    ]
     return Sums(sums, tuple(wrecks))
 
 
 class _Prefixes:
-    """Sums from the beginning of the line, each read once: arcs that meet have bounds in common."""
+    """Sums from the beginning of the line up to ascending locations. Whatever is between two of them is read once."""
 
     def __init__(self, transaction: ReadTransaction, space: SpaceAddress, wrecks: dict[Spot, None]) -> None:
         self._transaction = transaction
         self._space = space
         self._wrecks = wrecks
         self._rows = Rows(transaction, space)
-        self._known = {b"": RangeSum()}
+        self._walks: dict[int, _Walk] = {}
+        """By level; 0 is that of the records themselves, less than a bucket."""
 
     def up_to(self, location: bytes) -> RangeSum:
-        if location not in self._known:
-            self._known[location] = self._read_up_to(location)
-        return self._known[location]
+        """Not below the one before."""
+        reached, has_moved = _Reached(b"", RangeSum()), False
+        for level in range(LEVELS, -1, -1):
+            walk = self._walks.get(level)
+            if walk is None or has_moved:
+                # The piece above is another one by now, and this level goes on behind what is left of it.
+                walk = self._walks[level] = _Walk(reached, self._parts(level, reached.bound))
+            has_moved = walk.go(location) or has_moved
+            reached = walk.reached
+        return reached.total
 
-    def _read_up_to(self, location: bytes) -> RangeSum:
-        total, begin = RangeSum(), b""
-        for level in range(LEVELS, 0, -1):
-            for bound, row in self._rows.behind(level, begin, bytes(LAST)):
-                if bound > location:
-                    break
-                total, begin = total.and_also(row.records, row.sum), bound
-            if begin == location:
-                return total
-        return total.and_also(*_walked(self._transaction, self._space, begin, location, self._wrecks))
+    def _parts(self, level: int, begin: bytes) -> Iterator[tuple[bytes, int, int]]:
+        """What is behind a location on a level: where each part ends, its records and their sum."""
+        if level:
+            return ((bound, row.records, row.sum) for bound, row in self._rows.behind(level, begin, _END))
+        return self._records(begin)
+
+    def _records(self, begin: bytes) -> Iterator[tuple[bytes, int, int]]:
+        for found in by_home(self._transaction, self._space, begin, _END):
+            one = stored_sum(found.value)
+            yield found.home, int(one is not None), one or 0
+            # Once it is passed: the one behind the last bound is looked at only to know that it is behind it.
+            if one is None:
+                _note(self._wrecks, found.key)
+
+
+class _Reached(NamedTuple):
+    """How far a walk is, and what lies up to there, from the beginning of the line."""
+
+    bound: bytes
+    total: RangeSum
+
+
+class _Walk:
+    """Along the parts of one level."""
+
+    def __init__(self, reached: _Reached, parts: Iterator[tuple[bytes, int, int]]) -> None:
+        self.reached = reached
+        self._parts = parts
+        self._next = next(parts, None)
+
+    def go(self, location: bytes) -> bool:
+        """Past all parts that end there or before; whether there were any."""
+        bound, (records, total) = self.reached
+        has_moved = False
+        while self._next is not None and self._next[0] <= location:
+            bound, more, value = self._next
+            records, total, has_moved = records + more, total + value, True
+            self._next = next(self._parts, None)
+        if has_moved:
+            self.reached = _Reached(bound, RangeSum(records, total % SUM_MODULUS))
+        return has_moved
 
 
 def _walked(transaction: ReadTransaction, space: SpaceAddress, begin: bytes, last: bytes, wrecks: dict[Spot, None]) -> RangeSum:
@@ -90,11 +132,16 @@ def _walked(transaction: ReadTransaction, space: SpaceAddress, begin: bytes, las
     known = []
     for found in by_home(transaction, space, begin, last):
         one = stored_sum(found.value)
-        if one is not None:
+        if one is None:
+            _note(wrecks, found.key)
+        else:
             known.append(one)
-        elif len(wrecks) < WRECKS_MAX:
-            wrecks[spot_of(found.key)] = None
     return RangeSum().and_also(len(known), sum(known))
+
+
+def _note(wrecks: dict[Spot, None], key: bytes) -> None:
+    if len(wrecks) < WRECKS_MAX:
+        wrecks[spot_of(key)] = None
 
 
 def _before(location: Location) -> bytes:
