@@ -105,7 +105,7 @@ PROVOKED = {
     "record of this place": Provocation(laws.SOUND, LIES, first=1),
     "recovery hears one node": Provocation(laws.READABLE, HEIRS, 45.0, copies=True, first=2),
     "renders let go": Provocation(laws.LET_GO, JOLTS, 20.0, workload="renders"),
-    "repair trusts the first answer": Provocation(laws.KEPT, AWAY, 45.0, copies=True),
+    "repair trusts the first answer": Provocation(laws.KEPT, AWAY, 45.0, copies=True, first=1),
     "restored backup": Provocation(laws.RIGHT_TO_ANSWER, BACKUPS),
     "second reading": Provocation(laws.EXACT, UNEVEN, 20.0, workload="renders"),
     "signed expectation": Provocation(laws.LINEARIZABLE, BUSY),
