@@ -19,6 +19,7 @@ from scenectl.values import (
     THREE_FIVE_AND_NINE,
     ColourOption,
     NodeCountsOption,
+    PoolsOption,
     PortsOption,
     SizeOption,
     cluster_ports,
@@ -283,7 +284,8 @@ def render(
     seed: Annotated[int, whole(0, 2**32 - 1)] = 1,
     sky: ColourOption | None = None,
     camera: str | None = None,
-    algorithm: str = "bounded-radial",
+    algorithm: str | None = None,
+    pools: PoolsOption | None = None,
     fixed_cells: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     nodes: NodeCountsOption = ONE_AND_FIVE,
     repetitions: Annotated[int, whole(1, 100)] = 3,
@@ -312,6 +314,8 @@ def render(
         Name of the camera; by default the scene's first.
     algorithm
         How space is divided among the nodes, and by which rule cells move; see `scenectl render still`.
+    pools
+        In how many pools the nodes render, by default as many as they have memory for, or one where --algorithm or --fixed-cells is given.
     fixed_cells
         Leave the cells where they are at first.
     nodes
@@ -334,6 +338,7 @@ def render(
         depth=depth,
         algorithm=algorithm,
         fixed_cells=fixed_cells,
+        pools=None if pools is None else pools.count,
         sky=None if sky is None else sky.rgb,
         camera=camera,
     )

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 class ImageOptions:
     """What is not given is as the scene says, or else as usual."""
 
-    algorithm: str = "bounded-radial"
-    "How cells move: vivaldi, no-certainty, swarming, no-backtracking, voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi never do; whole: no cells, each node holds the whole scene."
+    algorithm: str | None = None
+    "How cells move, by default bounded-radial: vivaldi, no-certainty, swarming, no-backtracking, voxelised-swarming, planar, radial, bounded-radial, power, kd; voronoi never do; whole: no cells, each node holds the whole scene."
     fixed_cells: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Leave the cells where they are at first."
     pools: PoolsOption | None = None
-    "In how many pools the nodes render, by default 1; each pool holds the whole scene and passes rays on among its own nodes only, so more of them take more memory and less time. auto: as many as the nodes have memory for."
+    "In how many pools the nodes render; each pool holds the whole scene and passes rays on among its own nodes only, so more of them take more memory and less time. auto: as many as the nodes have memory for, as by default, unless --algorithm, --fixed-cells or --skip-empty is given: then 1."
     skip_empty: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Pass rays over cells in which they meet nothing: nodes send each other fewer rays, in more and smaller packets. For slow networks between many nodes."
     samples: Annotated[int | None, whole(1, SAMPLES_MAX)] = None
@@ -93,7 +93,7 @@ class ImageOptions:
             depth=self.depth,
             algorithm=self.algorithm,
             fixed_cells=self.fixed_cells,
-            pools=1 if self.pools is None else self.pools.count,
+            pools=None if self.pools is None else self.pools.count,
             skip_empty=self.skip_empty,
             sky=None if self.sky is None else self.sky.rgb,
             camera=self.camera,

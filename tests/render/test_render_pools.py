@@ -32,10 +32,11 @@ from scenefold.render.pool.request import organiser_of
 from scenefold.render.pool.share import read_tables
 from scenefold.render.rehearsal.faults import Faults, FaultyPool
 from scenefold.render.rehearsal.pool import MemoryHost, MemoryPool, MemoryReader, Records, memory_pool, running, sha256_of
+from scenefold.render.renderers.embree.renderer import EmbreeRenderer
 from scenefold.scene.importers import atoms, prototypes
 from scenefold.scene.importers.plan import ImportPlan
 from scenefold.scene.payloads.materials import Material
-from scenefold.wire import CancelJob, JobAnswer, JobState, JobStateReply, Packet, RayBatch, SendRays, pack_value, unpack_value
+from scenefold.wire import CancelJob, JobAnswer, JobState, JobStateReply, Packet, RayBatch, SendRays, StartJob, pack_value, unpack_value
 from scenefold.world.real.world import offline_world
 
 OPTIONS = RenderOptions(width=96, height=72, samples=160, seed=3, sky=(0.2, 0.3, 0.5), depth=4, algorithm="kd", pools=2)
@@ -333,21 +334,67 @@ async def test_who_does_not_say_what_memory_it_has_is_no_node_to_render_with(ans
     assert budget_told(JobStateReply(job=0, document=pack_value(budget_document(-5))), "here") == 0
 
 
-@pytest.mark.parametrize("pools", [POOLS_THAT_FIT, 2])
-async def test_a_node_of_an_older_version_is_named(room: Records, pools: int) -> None:
+@pytest.mark.expect_log("in one pool")
+async def test_with_a_node_of_an_older_version_there_is_one_pool(room: Records, alone: str) -> None:
     async with memory_pool(offline_world(), room, 3) as pool:
-        deliver = pool.deliver
-        older = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
+        older_node(pool)
+        image, state = await pool.render(JOB, replace(OPTIONS, pools=POOLS_THAT_FIT))
+    assert sha256_of(image) == alone and state["pools"] == 1
 
-        async def refusing(peer: str, node: NodeId, packet: Packet) -> Packet | None:
-            if node == older and isinstance(packet, JobState) and not packet.job:
-                raise Refused(RejectReason.NOT_READY, "this node takes no part in that job")
-            return await deliver(peer, node, packet)
 
-        pool.deliver = refusing  # type: ignore[method-assign]
-        owner = await pool.start(JOB, replace(OPTIONS, pools=pools))
+async def test_who_asks_for_more_pools_hears_which_node_is_of_an_older_version(room: Records) -> None:
+    async with memory_pool(offline_world(), room, 3) as pool:
+        older = older_node(pool)
+        owner = await pool.start(JOB, OPTIONS)
         state = await pool.until(JOB, owner, "done", "failed")
     assert state["phase"] == "failed" and "older version" in state["failure"] and address_of(older) in state["failure"]
+
+
+def older_node(pool: MemoryPool) -> NodeId:
+    """One that does not say what memory it has."""
+    deliver = pool.deliver
+    older = next(node for node in pool.nodes if node != organiser_of(JOB, pool.nodes))
+
+    async def refusing(peer: str, node: NodeId, packet: Packet) -> Packet | None:
+        if node == older and isinstance(packet, JobState) and not packet.job:
+            raise Refused(RejectReason.NOT_READY, "this node takes no part in that job")
+        return await deliver(peer, node, packet)
+
+    pool.deliver = refusing  # type: ignore[method-assign]
+    return older
+
+
+async def test_with_a_renderer_that_cannot_deal_paths_there_is_one_pool(room: Records, alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(EmbreeRenderer, "deals_paths", False)
+    async with memory_pool(offline_world(), room, 3) as pool:
+        image, state = await pool.render(JOB, replace(OPTIONS, pools=POOLS_THAT_FIT))
+    assert sha256_of(image) == alone and state["pools"] == 1
+
+
+@pytest.mark.usefixtures("heavy")
+@pytest.mark.parametrize(("pools", "reason"), [(POOLS_THAT_FIT, RejectReason.NOT_READY), (5, RejectReason.BUSY)])
+async def test_memory_that_was_counted_on_and_is_taken_by_then(room: Records, alone: str, pools: int, reason: RejectReason) -> None:
+    """Who wants as many pools as can be is told to begin anew, and then there are fewer."""
+    async with memory_pool(offline_world(), room, 5) as pool:
+        owner, scene = organiser_of(JOB, pool.nodes), await largest(room, 1)
+        victim = next(node for node in pool.nodes if node != owner)
+        for host in pool.hosts.values():
+            host.service.promises.most = 2 * IMAGE + scene + scene // 2
+        others = pool.hosts[victim].service.promises.account()
+        deliver = pool.deliver
+
+        async def late(peer: str, node: NodeId, packet: Packet) -> Packet | None:
+            if node == victim and isinstance(packet, StartJob) and not others.held:
+                others.take("another render", scene, "another render", "wait")
+            return await deliver(peer, node, packet)
+
+        pool.deliver = late  # type: ignore[method-assign]
+        await pool.start(JOB, replace(OPTIONS, pools=pools))
+        state = await pool.until(JOB, owner, "done", "failed")
+        assert state["phase"] == "failed" and state["failure_reason"] == reason and "other renders have" in state["failure"]
+        if pools == POOLS_THAT_FIT:
+            image, state = await pool.render(JOB + 1, replace(OPTIONS, pools=pools))
+            assert sha256_of(image) == alone and 1 <= state["pools"] < 5
 
 
 async def test_only_nodes_are_told_what_memory_a_node_has(room: Records) -> None:

@@ -12,7 +12,7 @@ from scenefold.base.ids import address_of
 from scenefold.client import Cluster, Scene
 from scenefold.render.anew import Begun, Tries
 from scenefold.render.choice import Renderers
-from scenefold.render.job import RenderOptions
+from scenefold.render.job import POOLS_THAT_FIT, RenderOptions
 from scenefold.render.layers import USUAL, Pixels, unpacked
 from scenefold.render.lens import lens_of
 from scenefold.render.levels import adaptive_of
@@ -37,11 +37,15 @@ class StillOptions:
     samples: int | None = None
     seed: int = 1
     depth: int | None = None
-    algorithm: str = "bounded-radial"
+    algorithm: str | None = None
+    """By which cells move, usually bounded-radial."""
     fixed_cells: bool = False
     """Cells stay where they are at first."""
-    pools: int = 1
-    """In how many render pools the nodes stand (`scenefold.render.job.POOLS_THAT_FIT`: in as many as hold the scene)."""
+    pools: int | None = None
+    """In how many render pools the nodes stand (`scenefold.render.job.POOLS_THAT_FIT`: in as many as hold the scene, as is usual).
+
+    Who says how cells shall be (`algorithm`, `fixed_cells`, `skip_empty`), and not this, has one pool, as only there everybody has a cell.
+    """
     skip_empty: bool = False
     """Rays are passed over cells in which they meet nothing."""
     sky: tuple[float, float, float] | None = None
@@ -91,9 +95,9 @@ class StillOptions:
             depth=_first(self.depth, said.depth, usual.depth),
             sky=(red, green, blue),
             camera=self.camera if self.camera is not None else said.camera,
-            algorithm=self.algorithm,
+            algorithm=usual.algorithm if self.algorithm is None else self.algorithm,
             moving=not self.fixed_cells,
-            pools=self.pools,
+            pools=self._pools(),
             skips=self.skip_empty,
             layers=self.layers,
             crop=crop,
@@ -105,6 +109,11 @@ class StillOptions:
         )
         options.check()
         return options
+
+    def _pools(self) -> int:
+        if self.pools is not None:
+            return self.pools
+        return 1 if self.algorithm is not None or self.fixed_cells or self.skip_empty else POOLS_THAT_FIT
 
     def _sampling(self, said: PathSettings) -> Sampling:
         return Sampling(

@@ -129,6 +129,14 @@ class Renderer(Protocol):
 
 
 @runtime_checkable
+class DealingRenderer(Renderer, Protocol):
+    """A renderer that has only `RoutingTracer`, so that paths can be dealt among render pools (specs/36-render-pools.md). No renderer needs to be."""
+
+    deals_paths: bool
+    """True; one that has no such attribute, or False, stands in one pool unless somebody asks for more."""
+
+
+@runtime_checkable
 class MeasuredRenderer(Renderer, Protocol):
     """A renderer that can also tell how fast it is (`scenectl bench render`). No renderer needs to."""
 
@@ -170,6 +178,11 @@ class LayeredRenderer(Renderer, Protocol):
     def columns(self) -> SumColumns:
         """The most that its tracers write; how many they are to write, `advance` sees by the shapes of its `sums`."""
         ...
+
+
+def deals_paths(renderer: Renderer) -> bool:
+    """Whether paths can be dealt among pools of nodes with this renderer."""
+    return isinstance(renderer, DealingRenderer) and renderer.deals_paths
 
 
 def check_layers_written(renderer: Renderer, layers: Sequence[str]) -> None:

@@ -15,7 +15,9 @@ from scenectl.settings import settings_text
 from scenefold.base.errors import LocalFault, Refused, UsageFault
 from scenefold.client.contents import camera_names
 from scenefold.client.modes import set_mode
+from scenefold.render.algorithms import USUAL_ALGORITHM
 from scenefold.render.client import StillOptions
+from scenefold.render.job import POOLS_THAT_FIT
 from scenefold.render.lens import Lens
 from scenefold.render.levels import Adaptive
 from scenefold.render.sampling import Sampling
@@ -133,3 +135,11 @@ def test_who_renders_has_the_last_word() -> None:
     assert StillOptions(ignore_settings=True).checked(paths) == StillOptions().checked()
     with pytest.raises(UsageFault, match="samples is 0"):
         StillOptions(samples=0).checked(said)
+
+
+def test_who_says_how_cells_shall_be_has_one_pool_and_else_there_are_as_many_as_can_be() -> None:
+    assert StillOptions().checked().pools == StillOptions(pools=POOLS_THAT_FIT, algorithm="kd").checked().pools == POOLS_THAT_FIT
+    assert StillOptions().checked().algorithm == USUAL_ALGORITHM
+    for said in (StillOptions(algorithm=USUAL_ALGORITHM), StillOptions(fixed_cells=True), StillOptions(skip_empty=True)):
+        assert said.checked().pools == 1
+        assert replace(said, pools=3).checked().pools == 3

@@ -10,7 +10,7 @@ import numpy as np
 
 from scenefold.partition import Partition
 from scenefold.render.arrays import F64
-from scenefold.render.contract import Renderer, RoutingTracer, SkippingTracer
+from scenefold.render.contract import Renderer, RoutingTracer, SkippingTracer, deals_paths
 from scenefold.render.image_files import image_sha256
 from scenefold.render.kit.expecting import expect, expect_nothing_lost
 from scenefold.render.kit.furnace import inside_of_a_glowing_sphere
@@ -75,6 +75,7 @@ def any_moves(renderer: Renderer) -> None:
     job = rig.job("voronoi", 5, sky=SKY)
     with rig.opened(job) as scenes:
         if not isinstance(scenes[0].tracers(1)[0], RoutingTracer):
+            expect(not deals_paths(renderer), "a renderer that deals paths (`deals_paths`) has tracers that cannot `route`")
             return
     cells = [rig.job(name, 5).partition for name in ("power", "bounded-radial", "kd", "planar", "voronoi")]
     moved, whole = rig.run_moving(job, cells), rig.run(job)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import trio
 
 from scenefold.base.errors import LocalFault, PeerFault, Refused
 from scenefold.base.ids import NodeId, address_of
 from scenefold.base.plain_values import whole
+from scenefold.base.reasons import RejectReason
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.unattended import ALL_JOBS
 from scenefold.wire import JobState, JobStateReply, Value, unpack_value
@@ -36,6 +38,19 @@ async def budgets_of(host: Host, nodes: Sequence[NodeId]) -> dict[NodeId, int]:
     except BaseExceptionGroup as group:
         raise next(leaves(group)) from None
     return free
+
+
+@contextmanager
+def counted_on() -> Iterator[None]:
+    """What was planned by budgets is done. Refused (16) for (13): other renders have taken memory since nodes told it, so all is to be planned anew."""
+    try:
+        yield
+    except Exception as error:
+        found = list(leaves(error)) if isinstance(error, BaseExceptionGroup) else [error]
+        busy = [one for one in found if isinstance(one, Refused) and one.reason is RejectReason.BUSY]
+        if not busy or len(busy) < len(found):
+            raise
+        raise Refused(RejectReason.NOT_READY, busy[0].what, where=busy[0].where, remedy=busy[0].remedy) from error
 
 
 def budget_document(free: int) -> dict[str, Value]:

@@ -60,6 +60,11 @@ class Dividing:
         self._most: dict[int, int] = {1: self._all}
         """Bytes of the largest of these cells."""
 
+    @property
+    def goes_by_budgets(self) -> bool:
+        """Whether there are as many pools as nodes have memory for, by what they said."""
+        return bool(self._free) and self._options.pools == POOLS_THAT_FIT
+
     async def fresh(self, nodes: Sequence[NodeId], before: Standing) -> Division:
         """For these nodes of the job, in the order of the line, in a later attempt; epoch 1."""
         return await self._workers.run(LANE, self._divided, nodes, before)

@@ -240,10 +240,11 @@ class Organiser:
         with _Timed(self, "plan"):
             plan = await planned(self._host, self._renderer, self._request, self._keys, self.account)
         self._job, self._keys, self._request = plan.job, None, None
-        async with trio.open_nursery() as nursery:
-            nursery.start_soon(keep_places, self._host, plan.job, self._nodes_now)
-            await self._make_image(*plan)
-            nursery.cancel_scope.cancel()
+        with plan.as_counted():
+            async with trio.open_nursery() as nursery:
+                nursery.start_soon(keep_places, self._host, plan.job, self._nodes_now)
+                await self._make_image(*plan)
+                nursery.cancel_scope.cancel()
 
     async def _make_image(self, job: Job, tables: SceneTables, dividing: Dividing) -> None:
         self._company = company = Company(self._host, job)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import NamedTuple
 
 from scenefold.base.errors import LocalFault, Refused
 from scenefold.base.ids import NodeId
 from scenefold.base.reasons import RejectReason
 from scenefold.render.algorithms import rule_of
-from scenefold.render.contract import Renderer, check_layers_written
-from scenefold.render.job import Job
+from scenefold.render.contract import Renderer, check_layers_written, deals_paths
+from scenefold.render.job import POOLS_THAT_FIT, Job, RenderOptions
 from scenefold.render.layers import image_bytes
 from scenefold.render.numbers import camera_numbers
-from scenefold.render.pool.budgets import budgets_of
+from scenefold.render.pool.budgets import budgets_of, counted_on
 from scenefold.render.pool.dividing import Dividing, asks_budgets
 from scenefold.render.pool.host import Host
 from scenefold.render.pool.kept_film import kept_bytes
@@ -23,6 +26,8 @@ from scenefold.render.pool.share import LANE, read_tables
 from scenefold.scene.log import EpochKeys
 from scenefold.scene.tables import SceneTables
 
+_log = logging.getLogger(__name__)
+
 
 class Plan(NamedTuple):
     """What an organiser begins with."""
@@ -30,6 +35,10 @@ class Plan(NamedTuple):
     job: Job
     tables: SceneTables
     dividing: Dividing
+
+    def as_counted(self) -> AbstractContextManager[None]:
+        """While the job is rendered: who takes memory meanwhile that was counted on does not fail it for good."""
+        return counted_on() if self.dividing.goes_by_budgets and self.job.others else nullcontext()
 
 
 async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: EpochKeys, account: Account) -> Plan:
@@ -45,8 +54,26 @@ async def planned(host: Host, renderer: Renderer, request: RenderRequest, keys: 
     async with host.reader(request.scene, request.genesis, keys, request.head) as reader:
         tables = await read_tables(reader, host.world.workers)
     nodes = _nodes(host, request)
-    free = await budgets_of(host, nodes) if asks_budgets(options) else {}
-    return await host.world.workers.run(LANE, _made, host, renderer, request, tables, nodes, free)
+    options, free = await _with_budgets(host, renderer, options, nodes)
+    return await host.world.workers.run(LANE, _made, host, renderer, replace(request, options=options), tables, nodes, free)
+
+
+async def _with_budgets(
+    host: Host, renderer: Renderer, options: RenderOptions, nodes: Sequence[NodeId]
+) -> tuple[RenderOptions, dict[NodeId, int]]:
+    """The options, with one pool if as many as can be are asked for and no more can; and the memory of nodes, if that counts."""
+    as_many_as_can_be = options.pools == POOLS_THAT_FIT
+    if as_many_as_can_be and not deals_paths(renderer):
+        return replace(options, pools=1), {}
+    if not asks_budgets(options):
+        return options, {}
+    try:
+        return options, await budgets_of(host, nodes)
+    except LocalFault as fault:
+        if not as_many_as_can_be:
+            raise
+        _log.warning("job: rendered in one pool: %s", fault)
+        return replace(options, pools=1), {}
 
 
 def _made(

@@ -32,6 +32,8 @@ KEY, SEAL, STEP, PATH, SIDE_RAY = 0, 2, 4, 7, 8
 class ArithmeticRenderer:
     """Knows the scene `lattice()`, and no other."""
 
+    deals_paths = True
+
     def numeric_class(self) -> str:
         return "whole numbers"
 

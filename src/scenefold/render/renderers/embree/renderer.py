@@ -37,6 +37,8 @@ class EmbreeScene:
 class EmbreeRenderer:
     """Spatially partitioned path tracing with Embree; equal bits within its numeric class."""
 
+    deals_paths = True
+
     def numeric_class(self) -> str:
         """See `Renderer`."""
         return numeric_class.numeric_class()
