@@ -393,7 +393,7 @@ async def test_memory_that_was_counted_on_and_is_taken_by_then(room: Records, al
         state = await pool.until(JOB, owner, "done", "failed")
         assert state["phase"] == "failed" and state["failure_reason"] == reason and "other renders have" in state["failure"]
         if pools == POOLS_THAT_FIT:
-            image, state = await pool.render(JOB + 1, replace(OPTIONS, pools=pools))
+            image, state = await pool.render(JOB + 1, replace(OPTIONS, pools=pools, moving=False))
             assert sha256_of(image) == alone and 1 <= state["pools"] < 5
 
 
