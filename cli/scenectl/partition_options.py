@@ -14,6 +14,7 @@ from scenectl.values import ONE_WORD, is_digits
 FRAMES_MAX = 100_000
 PartitionOption = Literal["spatial", "visual", "temporal"]
 STILL = "scenectl render still"
+_OF_ONE_IMAGE = ("--memory", "--resume", "--preview", "--save")
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,10 @@ def check_partition(
             remedy = "give --partition visual or temporal, too, or leave out --engine"
             raise UsageFault("a spatial partition is rendered by nodes, and not by an engine", where=STILL, remedy=remedy)
         if frames is not None:
-            raise UsageFault("--frames goes with --partition temporal", where=STILL, remedy="give it, too, or one --frame")
+            _check_moments(moments)
+            for option in _OF_ONE_IMAGE:
+                if of_pool[option][0] is not None:
+                    raise UsageFault(f"{option} is of one image, and --frames makes several", where=STILL, remedy="leave out one of them")
         return
     for option, (value, variable) in of_pool.items():
         if value is not None and not is_of_variable(value, variable):
@@ -71,6 +75,12 @@ def check_partition(
         return
     if partition == "visual":
         raise UsageFault("a visual partition makes one image", where=STILL, remedy="give --partition temporal for frames, or one --frame")
+    _check_moments(moments)
+
+
+def _check_moments(moments: Mapping[str, object]) -> None:
+    from scenefold.base.errors import UsageFault
+
     for name, value in moments.items():
         if value is not None:
             raise UsageFault(f"--frames and --{name} are given", where=STILL, remedy="leave out one of them")
@@ -88,7 +98,7 @@ def check_engine(engine: str | None, *, threads: int | None, trust_network: bool
 
 
 def check_frames_alone(frames: Frames | None, profile: str | None) -> None:
-    """UsageFault for frames beside a profile: workers read them from the file, each at its moment, and a scene holds one."""
+    """UsageFault for frames beside a profile: they are read from the file, each at its moment, and a scene holds one."""
     from scenefold.base.errors import UsageFault
 
     if frames is not None and profile is not None:

@@ -79,7 +79,7 @@ def still(
 
     Example: scenectl render still fox.glb --frame 12 --animation Run -o fox.0012.exr
 
-    Example: scenectl render still fox.glb --partition temporal --frames 0-47 --animation Run -o fox.exr
+    Example: scenectl render still fox.glb --frames 0-47 --animation Run -o fox.exr
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def still(
     trust_network
         Use an engine at tcp:// on another computer for a file: whoever can answer in its place, or runs one of its workers, can run any program as you.
     frames
-        With --partition temporal: frames of a file with animations, FIRST-LAST, both included. Their number is put into the names of the files.
+        Frames of a file with animations, FIRST-LAST, both included: by nodes one after the other, with --partition temporal several at a time. Their number is put into the names of the files.
     report_to
         File that gets the report as JSON, for `scenectl render report`.
     threads
@@ -194,6 +194,15 @@ def still(
         with Progress(quiet=output.json) as progress:
             made = run(make_within, memory.bytes, job, progress)
         emit(output, made, report_text(made))
+        keep_report(report_to, made)
+        return
+    if frames is not None:
+        from scenectl.still_frames import FrameTimes, make_frames
+        from scenectl.still_in_tasks import frames_text
+
+        with Progress(quiet=output.json) as progress:
+            made = run(make_frames, job, FrameTimes(frames=frames, fps=fps, animation=animation), progress)
+        emit(output, made, frames_text(made))
         keep_report(report_to, made)
         return
     again = nullcontext() if output.profile is None else going_on("render again")

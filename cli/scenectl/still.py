@@ -21,7 +21,7 @@ from scenectl.values import cluster_ports
 if TYPE_CHECKING:
     from scenectl.striking import Strike
     from scenectl.values import PortPair
-    from scenefold.client import Cluster, ImportReport, PreparedImport
+    from scenefold.client import Cluster, ImportReport, PreparedImport, Scene
     from scenefold.client.progress import ProgressCallback
     from scenefold.node.local import LocalCluster
     from scenefold.render.anew import Begun
@@ -148,7 +148,7 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         with phases.time("read"):
             prepared = await prepare_import(offline_world(), job.file, progress, job.moment, job.environment)
         prepared.check_camera(job.options.camera)
-    async with _cluster(job, phases) as (cluster, embedded), _struck(job, embedded) as strike:
+    async with cluster_of(job, phases) as (cluster, embedded), _struck(job, embedded) as strike:
         if prepared is None:
             scene = await cluster.scenes.open(job.scene_name)
             if job.save is not None:
@@ -165,17 +165,13 @@ async def make_still(job: StillJob, progress: ProgressCallback) -> dict[str, Any
         if embedded is not None:
             embedded.may_die(embedded.addresses)
         with phases.time("render"):
-            result = await _rendered(
+            result = await rendered(
+                job,
                 embedded,
                 cluster,
                 scene,
-                job.options,
                 told_to(strike, render_progress(progress)),
-                tell=partial(_tell_left_out, job),
-                lost=partial(_tell_lost, embedded),
-                back=_tell_back,
                 organised_by=nobody if strike is None else strike.spare,
-                anew=partial(_tell_anew, embedded),
                 resume=job.resume,
                 previews=job.previews,
             )
@@ -260,14 +256,26 @@ def _tell_left_out(job: StillJob, renderers: Renderers) -> None:
         note(left_out_text(job.scene_name, len(renderers.nodes), renderers.left_out))
 
 
-async def _rendered(embedded: LocalCluster | None, *args: Any, **options: Any) -> StillResult:
-    """As `render_still`. If nodes that were started for it died, and it failed over that, their own words tell more."""
+async def rendered(
+    job: StillJob, embedded: LocalCluster | None, cluster: Cluster, scene: Scene, progress: Callable[[str, int, int], None], **options: Any
+) -> StillResult:
+    """As `render_still`, telling people what happens on the way. If nodes that were started for it died, and it failed over that, their own words tell more."""
     from scenefold.base.errors import Refused, Unreachable
     from scenefold.render.anew import may_pass
     from scenefold.render.client import render_still
 
     try:
-        return await render_still(*args, **options)
+        return await render_still(
+            cluster,
+            scene,
+            job.options,
+            progress,
+            tell=partial(_tell_left_out, job),
+            lost=partial(_tell_lost, embedded),
+            back=_tell_back,
+            anew=partial(_tell_anew, embedded),
+            **options,
+        )
     except (Unreachable, Refused) as error:
         if embedded is None or not embedded.deaths or not may_pass(error):
             raise
@@ -320,7 +328,7 @@ async def _struck(job: StillJob, embedded: LocalCluster | None) -> AsyncIterator
 
 
 @asynccontextmanager
-async def _cluster(job: StillJob, phases: Phases) -> AsyncIterator[tuple[Cluster, LocalCluster | None]]:
+async def cluster_of(job: StillJob, phases: Phases) -> AsyncIterator[tuple[Cluster, LocalCluster | None]]:
     """And the nodes, if they are started for this."""
     from scenectl.running import connected
     from scenefold.client import connect

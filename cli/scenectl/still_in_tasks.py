@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -96,7 +96,7 @@ async def _frames(job: StillJob, how: InTasks, ready: _Ready, workers: Workers, 
 
     numbers = None if how.frames is None else how.frames.numbers
     sources = [ready.source] if numbers is None else [_at(ready.source, number, how) for number in numbers]
-    files = [job.files] if numbers is None else [_files_of(job.files, number) for number in numbers]
+    files = [job.files] if numbers is None else [files_of(job.files, number) for number in numbers]
     written: dict[int, dict[str, Any]] = {}
     left: dict[str, None] = {}
 
@@ -112,9 +112,14 @@ async def _frames(job: StillJob, how: InTasks, ready: _Ready, workers: Workers, 
     document = {"import": _imported(job, ready, tuple(left)), **report}
     if numbers is None:
         return document | written[0]
+    return document | frames_written([(number, written[index]) for index, number in enumerate(numbers)])
+
+
+def frames_written(frames: Sequence[tuple[int, dict[str, Any]]]) -> dict[str, Any]:
+    """What the report of several frames says of their files: what is the same for all, and a row for each. `frames`: numbers, and what `write_image` said."""
     of_frame = ("image_sha256", "exr", "png", "exposure", "pixels_not_finite")
-    rows = [{"frame": number} | {name: written[index][name] for name in of_frame} for index, number in enumerate(numbers)]
-    return document | {name: value for name, value in written[0].items() if name not in of_frame} | {"frames": rows}
+    rows = [{"frame": number} | {name: written[name] for name in of_frame} for number, written in frames]
+    return {name: value for name, value in frames[0][1].items() if name not in of_frame} | {"frames": rows}
 
 
 def frames_text(report: dict[str, Any]) -> str:
@@ -125,7 +130,7 @@ def frames_text(report: dict[str, Any]) -> str:
     rows = (
         ("samples per pixel", f"{report['samples_per_pixel']:,.3g}"),
         ("paths/s", f"{report['paths_per_second']:,.0f}"),
-        ("processes that rendered", len(report["render_nodes"])),
+        ("processes that rendered" if report["partition"] != "spatial" else "nodes that rendered", len(report["render_nodes"])),
         ("efficiency", f"{report['efficiency']:.3f}"),
         ("seconds", seconds),
     )
@@ -190,7 +195,7 @@ def _at(source: Source, frame: int, how: InTasks) -> Source:
     return replace(source, moment=moment_of_frame(frame, FPS_USUAL if how.fps is None else how.fps, how.animation))
 
 
-def _files_of(files: ImageFiles, frame: int) -> ImageFiles:
+def files_of(files: ImageFiles, frame: int) -> ImageFiles:
     return replace(files, exr=numbered(files.exr, frame), png=numbered(files.png, frame))
 
 

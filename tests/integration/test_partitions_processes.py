@@ -23,8 +23,11 @@ import trio
 from integration.dask_cluster import NEEDS, always_dies, dask_cluster, dies_once, nothing
 from integration.scenectl_process import Done, running, scenectl
 from loopback import addresses, ports_option
+from scenectl import still_frames
 from scenectl.program import main
 from scenefold.base.errors import LocalFault, Unreachable
+from scenefold.client import Scene
+from scenefold.client.ending import SceneEnd
 from scenefold.scene.sample import sample_scene_path
 from scenefold.world import offline_world
 
@@ -126,6 +129,36 @@ def test_three_ways_and_one_table(profile: str, tmp_path: Path) -> None:
     assert spatial["rounds"] >= 1 and visual["rounds"] is None
     table = here("render", "report", *files)
     assert table.code == 0 and b"efficiency by rounds" in table.out and table.out.count(b"\n") > 15
+
+
+def test_frames_by_nodes_are_those_of_one_process_and_what_is_shown_no_more_goes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, (first, second) = moving_file(tmp_path), addresses(2)
+    ended: list[str] = []
+    end = Scene.end
+
+    async def noted(scene: Scene, **options: Any) -> SceneEnd:
+        found = await end(scene, **options)
+        ended.append(scene.name)
+        return found
+
+    monkeypatch.setattr(Scene, "end", noted)
+    # What a scene has taken besides its first frame is too much at once.
+    monkeypatch.setattr(still_frames, "GROWTH_MAX", 0)
+    report = done(
+        file, *SKY, "--nodes", "2", "--ports", ports_option(first, second), "--frames", "0-4", "--fps", "4", "-o", tmp_path / "r.exr",
+        "--report", tmp_path / "r.json",
+    )  # fmt: skip
+    assert ended == ["even-1"]
+    assert [frame["frame"] for frame in report["frames"]] == [0, 1, 2, 3, 4] and report["nodes"] == 2
+    assert len({frame["image_sha256"] for frame in report["frames"]}) == 5
+    assert report["paths"] == 5 * 48 * 27 * 4 and len(report["render_nodes"]) == 2
+    for number in (0, 4):
+        written = report["frames"][number]
+        alone = done(file, *SKY, "--memory", "1GiB", "--frame", str(number), "--fps", "4", "-o", tmp_path / "one.exr")
+        assert alone["image_sha256"] == written["image_sha256"]
+        assert Path(written["exr"]).exists() and Path(written["png"]).exists()
+    compared = here("render", "report", tmp_path / "r.json", "--json")
+    assert compared.code == 0 and compared.json["renders"][0]["paths"] == report["paths"]
 
 
 @needs_dask

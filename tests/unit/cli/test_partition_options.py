@@ -11,7 +11,10 @@ from scenectl.program import main
 
 WRONG = {
     "--engine tcp://127.0.0.1:8786": "rendered by nodes, and not by an engine",
-    "--frames 0-3": "--frames goes with --partition temporal",
+    "--frames 0-3 --frame 2": "--frames and --frame are given",
+    "--frames 0-3 --resume kept": "--resume is of one image",
+    "--frames 0-3 --memory 1GiB": "--memory is of one image",
+    "--frames 0-3 --preview looks.png": "--preview is of one image",
     "--partition visual --frames 0-3": "makes one image",
     "--partition visual --nodes 3": "--nodes is of a spatial partition",
     "--partition visual --ports 2000,2001": "--ports is of a spatial partition",
