@@ -56,7 +56,7 @@ async def test_a_still_tells_before_it_replaces_what_a_scene_shows(
     async def there(*_: object) -> AsyncIterator[Any]:
         yield cluster, None
 
-    monkeypatch.setattr(still, "_cluster", there)
+    monkeypatch.setattr(still, "cluster_of", there)
     with pytest.raises(Stored):
         await still.make_still(JOB, lambda _: None)
     told = "note: scene kitchen shows a.glb (1,200 triangles) already: this import replaces it.\n"
