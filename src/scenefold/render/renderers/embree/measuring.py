@@ -34,7 +34,7 @@ from scenefold.render.renderers.embree.tracer import EmbreeTracer
 STAGES = ("generate", "cast", "shade", "route", "film")
 
 
-class _StagedTracer(EmbreeTracer):
+class StagedTracer(EmbreeTracer):
     """A tracer that knows how long its stages took, and can keep copies of what it casts."""
 
     def __init__(self, *args: Any) -> None:
@@ -75,7 +75,7 @@ class Measurement:
         self._numbers = numbers
         self._plan = PassPlan(1, numbers.width * numbers.height * numbers.samples)
         self._geometry = HeldGeometry(held)
-        self._tracer = _StagedTracer(held.arrays, self._geometry, numbers, partition, 0)
+        self._tracer = StagedTracer(held.arrays, self._geometry, numbers, partition, 0)
         self._bare = bare_scene(held)
         self._batches = self._capture(rays_max)
         self._bare_batches = [bare_batch(rays) for _, rays in self._batches]
