@@ -7,12 +7,14 @@ is several times what it shows, it is ended, and its nodes drop all of it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import trio
 
+from scenectl.output import note
 from scenectl.still import Phases, StillJob, cluster_of, rendered, write_image
 from scenectl.still_in_tasks import files_of, frames_written
 
@@ -132,11 +134,12 @@ async def make_frames(job: StillJob, how: FrameTimes, progress: ProgressCallback
         if embedded is not None:
             embedded.may_die(embedded.addresses)
         shown = _progress_of_frames(progress, how.frames.numbers)
-        while len(made.written) < len(how.frames.numbers):
-            with phases.time("import"):
-                frame = await receive.receive()
-            await _make(job, frame, embedded, cluster, phases, made, shown)
-            await give_back.send(frame.lane)
+        with _telling_what_is_there(how.frames, made):
+            while len(made.written) < len(how.frames.numbers):
+                with phases.time("import"):
+                    frame = await receive.receive()
+                await _make(job, frame, embedded, cluster, phases, made, shown)
+                await give_back.send(frame.lane)
         nodes = [node.address for node in await cluster.nodes()]
         if embedded is not None:
             embedded.may_die(())
@@ -151,6 +154,17 @@ async def make_frames(job: StillJob, how: FrameTimes, progress: ProgressCallback
         **frames_written(made.written),
         "seconds": phases.seconds,
     }
+
+
+@contextmanager
+def _telling_what_is_there(frames: Frames, made: _Made) -> Iterator[None]:
+    """However it ends: who has some of the frames need not make them again."""
+    try:
+        yield
+    finally:
+        if 0 < len(made.written) < len(frames.numbers):
+            newest = made.written[-1][0]
+            note(f"note: frames {frames.first} to {newest} are written: --frames {newest + 1}-{frames.last} goes on behind them")
 
 
 async def _import_all(
