@@ -238,7 +238,10 @@ class SceneAccess:
         for key, one in zip(keys, opened, strict=True):
             if one is not None:
                 self.lengths.saw(key, one.payload)
-        if not stale_ok and (behind := self.setbacks.read(keys, opened, asked_at)):
+        if stale_ok:
+            for key, one in zip(keys, opened, strict=True):
+                self.setbacks.showed(key, one)
+        elif behind := self.setbacks.read(keys, opened, asked_at):
             self.setbacks.tell(self.calls.world.clock.now(), f"scene {self.name}", behind)
         return opened
 

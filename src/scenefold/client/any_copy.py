@@ -96,6 +96,7 @@ class _AnyCopies:
             self._problem = problem
             return
         if not self._access.setbacks.is_behind(key, opened, asked_at):
+            self._access.setbacks.showed(key, opened)
             self._found[index] = opened
 
     async def _records(self, node: NodeId, frame: Sequence[int]) -> list[RecordBytes | object | None]:

@@ -39,6 +39,8 @@ class Setbacks:
         self.count = 0
         """How often this client was led back."""
         self._met: OrderedDict[tuple[int, bytes], _Met] = OrderedDict()
+        self._shown: OrderedDict[tuple[int, bytes], _Met] = OrderedDict()
+        """What nodes that need not know have shown: nobody has said that it counts, and yet nobody is to see it go back to what was before."""
         self._moment = 0
         self._quiet = QuietLog(_log)
 
@@ -53,13 +55,28 @@ class Setbacks:
     def read(self, keys: Sequence[Key], found: Sequence[Opened | None], asked_at: int) -> list[Key]:
         """What an owner under its lease answered, verified; those of them that are behind what was met before the question."""
         behind = [key for key, one in zip(keys, found, strict=True) if self._leads_back(key, one, asked_at)]
+        for key in keys:
+            # Whatever others have shown, that is what there is.
+            self._shown.pop((key[0], key[-1]), None)
         self.count += len(behind)
         return behind
 
     def is_behind(self, key: Key, found: Opened | None, asked_at: int) -> bool:
-        """Whether one node's word, asked for at that moment, is older than what was met. Nothing is remembered of it."""
-        met = self._met.get((key[0], key[-1]))
-        return met is not None and met.moment <= asked_at and _is_behind(found, met)
+        """Whether one node's word, asked for at that moment, is older than what was met or shown."""
+        known = self._met.get((key[0], key[-1])), self._shown.get((key[0], key[-1]))
+        return any(met is not None and met.moment <= asked_at and _is_behind(found, met) for met in known)
+
+    def showed(self, key: Key, found: Opened | None) -> None:
+        """A user sees one node's word, or an owner's that may have been replaced. It is no setback if another one is older."""
+        name = key[0], key[-1]
+        before = self._shown.get(name)
+        if found is None or (before is not None and found.version < before.version):
+            return
+        self._moment += 1
+        self._shown[name] = _Met(found.version, found.deleted, self._moment)
+        self._shown.move_to_end(name)
+        if len(self._shown) > PLACES_MAX:
+            self._shown.popitem(last=False)
 
     def of(self, key: Key) -> int:
         """How often a record was found behind, as far as that is remembered."""

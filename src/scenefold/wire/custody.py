@@ -39,6 +39,11 @@ class Configuration:
         """Once so many members that are not the owner have spoken, nothing newer was acknowledged than the newest that they have."""
         return len(self.members) - self.needed + 1
 
+    @property
+    def rank(self) -> tuple[object, ...]:
+        """By which they are in order. Of one number there is one, unless somebody lies: then nobody can tell which, and all count."""
+        return self.number, tuple((member.node, member.incarnation) for member in self.members), self.needed
+
 
 @dataclass(frozen=True, slots=True)
 class Confirmed:
@@ -99,13 +104,25 @@ class LaidOut:
 
 @dataclass(frozen=True, slots=True)
 class Rising:
-    """Of two configurations the later one has the higher number."""
+    """Configurations are in order, and none is there twice."""
 
     def holds(self, value: Any) -> bool:
-        return all(one.number < other.number for one, other in pairwise(value.configurations))
+        return all(one.rank < other.rank for one, other in pairwise(value.configurations))
 
     def __str__(self) -> str:
-        return "configurations by number"
+        return "configurations by number, members, needed"
+
+
+@dataclass(frozen=True, slots=True)
+class Passed:
+    """Of what passes with a piece each place is told once of a layout, in order, and nothing has a number above what is told with it."""
+
+    def holds(self, value: Any) -> bool:
+        in_order = all((one.layout, one.last) < (other.layout, other.first) for one, other in pairwise(value.segments))
+        return in_order and all(found.number <= value.number for segment in value.segments for found in segment.configurations)
+
+    def __str__(self) -> str:
+        return "segments by layout and place, of one layout apart, configurations numbered number at most"
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ from scenefold.wire.common import (
     row,
 )
 from scenefold.wire.containers import Many, Struct
-from scenefold.wire.custody import PASSED_SEGMENTS, PassedSegment
+from scenefold.wire.custody import PASSED_SEGMENTS, Passed, PassedSegment
 from scenefold.wire.kinds import Maybe, Uint
 from scenefold.wire.laws import All, Inside, Order
 from scenefold.wire.members import MEMBER, Member
@@ -213,7 +213,7 @@ ROWS = (
         *_PIECE,
         ("number", U64),
         ("segments", PASSED_SEGMENTS),
-        law=All((_ASCENDING, Inside("segments"))),
+        law=All((_ASCENDING, Inside("segments"), Passed())),
     ),
     row(CopyRecords, Carrier.TCP_LOW, _HANDOVER, ("items", HAND_ITEMS)),
     row(HandoverReply, Carrier.TCP_LOW, _HANDOVER, ("reason", REASON_OR_0), ("text", MESSAGE)),

@@ -45,6 +45,25 @@ async def test_any_copy_is_never_older_than_what_was_met(autojump_clock: MockClo
     assert await stranger.get(place, any_copy=True) not in (None, b"newer"), f"who has met nothing takes what {behind} has"
 
 
+async def test_any_copy_is_never_older_than_what_any_copy_has_shown(autojump_clock: MockClock) -> None:
+    nodes = HoldingNodes()
+    scene = await kept_scene(nodes)
+    owner, behind, other = nodes.addresses[1], nodes.addresses[0], nodes.addresses[2]
+    (place, *_) = owned_by(nodes, owner)
+    await scene.space(FILES).put(place, b"newer")
+    nodes.kept[other] = {where: RecordBytes(item.signature, item.header, item.ciphertext) for (_, where), item in nodes.records.items()}
+    stranger = _scene(nodes).space(FILES)
+    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
+    nodes.away |= {owner, behind}
+    assert await stranger.get(place, any_copy=True) == b"newer"
+    nodes.away = {owner, other}
+    with pytest.raises((Refused, Unreachable)):
+        await stranger.get(place, any_copy=True)
+    nodes.away = {owner}
+    assert await stranger.get(place, any_copy=True) == b"newer"
+    assert not stranger._access.setbacks.count, "nobody was led back by who need not know"
+
+
 async def test_any_copy_goes_on_to_the_next_where_one_is_forged_or_rotten(autojump_clock: MockClock) -> None:
     nodes = HoldingNodes(rotten={PLACES[3]})
     scene = await kept_scene(nodes)

@@ -99,6 +99,29 @@ def test_what_is_withheld_shown_and_withheld_again_is_noticed_each_time_and_is_n
         assert met.read([KEY], [None], asked_at) == [], "it may have been answered before the other one"
 
 
+def test_what_was_shown_is_not_gone_back_behind_until_an_owner_says_what_there_is() -> None:
+    met = Setbacks()
+    met.showed(KEY, opened(3))
+    assert met.is_behind(KEY, opened(2), met.moment()) and met.is_behind(KEY, None, met.moment())
+    met.showed(KEY, opened(2))
+    met.showed(KEY, None)
+    assert not met.is_behind(KEY, opened(3), met.moment()) and met.is_behind(KEY, opened(2), met.moment())
+    assert met.read([KEY], [opened(2)], met.moment()) == [], "nobody has said that what was shown counts"
+    assert not met.is_behind(KEY, opened(2), met.moment())
+    met = Setbacks()
+    met.showed(KEY, opened(4, GONE))
+    assert not met.is_behind(KEY, None, met.moment()), "what was deleted may be purged"
+
+
+def test_only_so_much_of_what_was_shown_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(setbacks, "PLACES_MAX", 2)
+    met = Setbacks()
+    keys: list[Key] = [(FILES, Location.from_number(number)) for number in range(3)]
+    for key in keys:
+        met.showed(key, opened(2))
+    assert [met.is_behind(key, opened(1), met.moment()) for key in keys] == [False, True, True]
+
+
 def test_an_object_is_one_wherever_it_lies() -> None:
     met = Setbacks()
     met.wrote((SpaceId(9), HERE, b"object"), version(2), is_deleted=False)

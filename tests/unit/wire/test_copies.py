@@ -123,11 +123,19 @@ def test_what_makes_sense_is_taken(packet: Packet) -> None:
         (setting(replace(ENTRY, needed=9)), "SetCustody.entries[0].needed", "outside"),
         (setting(replace(ENTRY, layout=(LOW, FIRST))), "SetCustody.entries[0]", "offsets in layout distinct and not 0"),
         (setting(replace(ENTRY, layout=(LOW, LOW))), "SetCustody.entries[0]", "offsets in layout distinct and not 0"),
-        (ClaimRange(bytes(16), MIDDLE, HIGH, 1, (PASSED,)), "ClaimRange", "segments in first to last"),
+        (ClaimRange(bytes(16), MIDDLE, HIGH, 6, (PASSED,)), "ClaimRange", "segments in first to last"),
+        (ClaimRange(bytes(16), LOW, HIGH, 5, (PASSED,)), "ClaimRange", "numbered number at most"),
+        (ClaimRange(bytes(16), LOW, HIGH, 6, (PASSED, PASSED)), "ClaimRange", "of one layout apart"),
+        (ClaimRange(bytes(16), LOW, HIGH, 6, (PASSED, replace(PASSED, first=MIDDLE, last=HIGH))), "ClaimRange", "of one layout apart"),
+        (
+            ClaimRange(bytes(16), LOW, HIGH, 6, (replace(PASSED, first=MIDDLE.next(), last=HIGH), PASSED)),
+            "ClaimRange",
+            "segments by layout and place",
+        ),
         (
             ClaimRange(bytes(16), LOW, HIGH, 1, (replace(PASSED, configurations=PASSED.configurations[::-1]),)),
             "ClaimRange.segments[0]",
-            "configurations by number",
+            "configurations by number, members, needed",
         ),
         (
             ClaimRange(bytes(16), LOW, HIGH, 1, (replace(PASSED, confirmed=(Confirmed(HOLDER, 1), Confirmed(HOLDER, 2))),)),
@@ -208,7 +216,9 @@ def test_full_lists_fit_a_frame() -> None:
     members = tuple(Member(NodeId(2**32 - 1 - index), bytes(16)) for index in range(COPIES_MAX))
     configuration = Configuration(2**64 - 1, members, COPIES_MAX)
     full = PassedSegment(offsets, LOW, HIGH, (configuration,), tuple(Confirmed(member, 2**64 - 1) for member in members))
-    assert len(encode_packet(ClaimRange(bytes(16), LOW, HIGH, 1, (full,) * CONFIGURATIONS_MAX))) < FRAME_BYTES_MAX // 2
+    places = [Location.from_number(LOW.number + index) for index in range(CONFIGURATIONS_MAX)]
+    segments = tuple(replace(full, first=place, last=place) for place in places)
+    assert len(encode_packet(ClaimRange(bytes(16), LOW, HIGH, 2**64 - 1, segments))) < FRAME_BYTES_MAX // 2
     entry = CustodyEntry(offsets, LOW, HIGH, 2**64 - 1, members, COPIES_MAX, True)
     assert len(encode_packet(HeldListed(0, (), (entry,) * CUSTODY_ENTRIES_MAX, None))) < FRAME_BYTES_MAX // 4
     key = RecordKey(1, LOW, bytes(16))

@@ -253,7 +253,7 @@ def _confirmed(segment: Segment, word: Word) -> int:
 def _recovered(layout: Layout, arc: Arc, stretch: Mapping[Member, Entry], heard: Collection[Member], number: int, me: Member) -> Segment:
     """All by which somebody may still be answered: none of those heard takes anything else from before."""
     whole = {(entry.number, entry.members, entry.needed) for entry in stretch.values() if entry.whole}
-    configurations = tuple(Configuration(*found) for found in sorted(whole, key=lambda found: (found[0], found[1][0].node)))
+    configurations = tuple(sorted((Configuration(*found) for found in whole), key=lambda found: found.rank))
     named = {member for found in configurations for member in found.members} | set(stretch)
     bounds = {}
     for member in named - {me}:

@@ -52,7 +52,7 @@ def decode_configurations(note: bytes) -> Configurations:
         known = Known(value)
         segments = tuple(_segment(known, *segment) for segment in value["segments"])
         configurations = Configurations(known.member(value["me"]), number_of(value["number"]), segments)
-        _check(configurations)
+        check_configurations(configurations)
         if encode_configurations(configurations) != note:
             raise ValueError("said in another way than it is written")
     except (MalformedPacket, ValueError, TypeError, IndexError, KeyError) as problem:
@@ -87,16 +87,17 @@ def _change(known: Known, number: Any, holders: Any, needed: Any) -> Change:
     return Change(number_of(number), known.members(holders, least=0), whole(needed, 1, COPIES_MAX))
 
 
-def _check(configurations: Configurations) -> None:
-    """What every value that this code made fulfils."""
+def check_configurations(configurations: Configurations) -> None:
+    """ValueError for what is never written, so that nobody who lies can have a node write what it could not read again."""
     for segment, following in pairwise(configurations.segments):
         if (segment.layout, segment.arc.last) >= (following.layout, following.arc.first):
             raise ValueError("segments that are not in order, or said twice")
     if sum(max(1, len(segment.configurations)) for segment in configurations.segments) > CONFIGURATIONS_MAX:
         raise ValueError("more than is ever kept")
     for segment in configurations.segments:
-        numbers = [found.number for found in segment.configurations]
-        if any(one >= other for one, other in pairwise(numbers)) or max([*numbers, segment.leaving]) > configurations.number:
-            raise ValueError("numbers that do not rise")
+        if any(one.rank >= other.rank for one, other in pairwise(segment.configurations)):
+            raise ValueError("configurations that are not in order, or said twice")
+        if max([*(found.number for found in segment.configurations), segment.leaving]) > configurations.number:
+            raise ValueError("numbers above the highest one")
         if len(dict(segment.confirmed)) < len(segment.confirmed):
             raise ValueError("a member that confirms two numbers")

@@ -8,9 +8,9 @@ from typing import Any
 from scenefold.base.errors import DamagedData
 from scenefold.base.plain_values import exactly
 from scenefold.peer.copies.configurations import Configurations
-from scenefold.peer.copies.configurations_note import decode_configurations, encode_configurations
+from scenefold.peer.copies.configurations_note import check_configurations, decode_configurations, encode_configurations
 from scenefold.peer.copies.copies import Copies, Passing
-from scenefold.peer.copies.custody_note import decode_custody, encode_custody
+from scenefold.peer.copies.custody_note import check_custody, decode_custody, encode_custody
 from scenefold.peer.copies.notes import arc_of, number_of, plain_arc
 from scenefold.peer.line.holding import HANDOVER_BYTES
 from scenefold.wire import MalformedPacket, Member, pack_value, unpack_value
@@ -20,15 +20,12 @@ _KEYS = {"configurations", "custody", "passing", "unrecovered", "v"}
 
 
 def encode_copies(copies: Copies) -> bytes:
-    me = copies.configurations.me
     return pack_value(
         {
             "v": _VERSION,
             "configurations": encode_configurations(copies.configurations),
             "custody": encode_custody(copies.custody),
-            "passing": [
-                [found.handover, encode_configurations(Configurations(me, found.number, found.segments))] for found in copies.passing
-            ],
+            "passing": [[found.handover, encode_configurations(_as_configurations(copies, found))] for found in copies.passing],
             "unrecovered": [plain_arc(gap) for gap in copies.unrecovered],
         },
         what="copies",
@@ -49,13 +46,30 @@ def decode_copies(note: bytes, me: Member) -> Copies:
         )
         if copies.configurations.me != me:
             raise ValueError("kept by another incarnation")
-        if any(part.last >= following.first for part, following in pairwise(copies.unrecovered)):
-            raise ValueError("unrecovered parts that are not in order")
+        _check_unrecovered(copies)
     except (MalformedPacket, ValueError, TypeError) as problem:
         raise DamagedData(
             "the note about copies is damaged", where=str(problem), remedy="wipe the folder: the node comes back as a newcomer"
         ) from problem
     return copies
+
+
+def check_copies(copies: Copies) -> None:
+    """Before it is written. ValueError for what nobody could read again."""
+    check_configurations(copies.configurations)
+    check_custody(copies.custody)
+    for found in copies.passing:
+        check_configurations(_as_configurations(copies, found))
+    _check_unrecovered(copies)
+
+
+def _check_unrecovered(copies: Copies) -> None:
+    if any(part.last >= following.first for part, following in pairwise(copies.unrecovered)):
+        raise ValueError("unrecovered parts that are not in order")
+
+
+def _as_configurations(copies: Copies, passing: Passing) -> Configurations:
+    return Configurations(copies.configurations.me, passing.number, passing.segments)
 
 
 def _passing(handover: Any, told: Any) -> Passing:

@@ -46,7 +46,7 @@ def decode_custody(note: bytes) -> Custody:
             tuple(_entry(known, *entry) for entry in value["entries"]),
             tuple(Floor(arc_of(first, last), number_of(number)) for first, last, number in value["floors"]),
         )
-        _check(custody)
+        check_custody(custody)
         if encode_custody(custody) != note:
             raise ValueError("said in another way than it is written")
     except (MalformedPacket, ValueError, TypeError, IndexError, KeyError) as problem:
@@ -65,8 +65,8 @@ def _entry(known: Known, layout: Any, first: Any, last: Any, number: Any, member
     )
 
 
-def _check(custody: Custody) -> None:
-    """What every custody that this code made fulfils."""
+def check_custody(custody: Custody) -> None:
+    """ValueError for what is never written, so that nobody who lies can have a node write what it could not read again."""
     if len(custody.entries) > CUSTODY_KEPT_MAX or len(custody.floors) > CUSTODY_FLOORS_MAX:
         raise ValueError("more than is ever kept")
     places = [(entry.layout, entry.arc) for entry in custody.entries]

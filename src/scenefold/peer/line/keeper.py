@@ -18,7 +18,7 @@ from scenefold.base.errors import DamagedData, Refused
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.cluster_log.registry import Registry
 from scenefold.peer.copies.copies import Copies, Passing
-from scenefold.peer.copies.copies_note import decode_copies, encode_copies
+from scenefold.peer.copies.copies_note import check_copies, decode_copies, encode_copies
 from scenefold.peer.line.holding import Holding
 from scenefold.peer.line.holding_note import decode_holding, encode_holding
 from scenefold.peer.membership.status import OwnStatus
@@ -125,6 +125,11 @@ class Keeper:
         return self._cluster_log.registry.removal(member.incarnation) is not None
 
     async def _keep(self, holding: Holding, copies: Copies) -> None:
+        try:
+            check_copies(copies)
+        except ValueError as problem:
+            what = f"what this node would keep about copies is nothing that it could read again ({problem}): somebody told it so"
+            raise Refused(RejectReason.ILL_FORMED, what) from problem
         # Cancelled half-way, nobody would know what the disk says.
         with trio.CancelScope(shield=True):
             note = None if copies == self.copies and self._is_begun else encode_copies(copies)

@@ -7,7 +7,7 @@ the node may move. Whoever is not complete comes first, and of his segments thos
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -19,6 +19,7 @@ from scenefold.base.location import Arc
 from scenefold.base.placement import Layout
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.copies import Copies
+from scenefold.peer.copies.entries import Entry
 from scenefold.peer.line.parts import Parts
 from scenefold.peer.line.pauses import Pauses
 from scenefold.peer.membership.roster import Roster
@@ -102,21 +103,27 @@ class Comparing:
         at = self._checked.get((holder, layout, arc))
         return at is not None and self._parts.world.clock.now() - at < AGAIN_S
 
-    def _jobs(self) -> dict[Member, Job]:
-        return jobs(self._parts.keeper.copies.configurations, self._is_checked, is_resting=self._parts.resting.repair)
+    def _jobs(self, put_off: Collection[Entry] = ()) -> dict[Member, Job]:
+        return jobs(self._parts.keeper.copies.configurations, self._is_checked, put_off, is_resting=self._parts.resting.repair)
 
     async def _work(self, holder: Member) -> None:
         """Until nothing is left to be done for this holder, or it is away."""
         pauses = Pauses(self._parts.world)
+        put_off: set[Entry] = set()
         try:
             while self._is_there(holder):
-                job = self._jobs().get(holder)
+                job = self._jobs(put_off).get(holder)
                 if job is None:
                     return
                 try:
                     await self._do(job)
+                    put_off.clear()
                     pauses.reset()
                 except (Refused, Unreachable, PeerFault) as problem:
+                    # Whatever may hold this up for long does not hold up the rest: it is tried again behind the next one.
+                    if put_off.issuperset(job.entries):
+                        put_off.clear()
+                    put_off.update(job.entries)
                     if isinstance(problem, HolderFull):
                         self._on_full(holder)
                     self._parts.events["comparisons broken off"] += 1
@@ -134,13 +141,15 @@ class Comparing:
         await self._learn_scenes()
         begin = parts.world.clock.now()
         self._look()
-        has_new_husks = False
+        has_new_husks, is_complete = False, True
         for scene, space in await self._spaces(job):
             comparison = SpaceComparison(parts, self._merge, self._progress, job.holder, scene, space, arcs)
             comparison.can_rest = job.can_rest
-            if not await comparison.run():
-                raise Refused(RejectReason.BUSY, "some records have changed meanwhile")
+            # What keeps one space from being complete, as a record that nobody can be asked for just now, is no reason not to bring the others.
+            is_complete &= await comparison.run()
             has_new_husks |= comparison.has_new_husks
+        if not is_complete:
+            raise Refused(RejectReason.BUSY, "some records have changed meanwhile")
         if not parts.cluster_log.registry.is_current(job.holder):
             raise Refused(RejectReason.WRONG_INCARNATION, "another incarnation may have answered")
         if not job.is_routine:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 from scenefold.base.limits import COMPARED_ARCS_MAX
@@ -28,6 +28,9 @@ class Job(NamedTuple):
 
 
 class _Task(NamedTuple):
+    """In the order in which they are done, but for what of."""
+
+    is_put_off: bool
     is_routine: bool
     sound: int
     """How many complete copies there are beside the owner's."""
@@ -35,10 +38,12 @@ class _Task(NamedTuple):
     entry: Entry
 
 
-def jobs(found: Configurations, is_checked: Callable[[Member, Layout, Arc], bool], *, is_resting: bool = False) -> dict[Member, Job]:
+def jobs(
+    found: Configurations, is_checked: Callable[[Member, Layout, Arc], bool], put_off: Collection[Entry] = (), *, is_resting: bool = False
+) -> dict[Member, Job]:
     """For each holder what is to be done first: where it is not complete, where there are the fewest complete copies.
 
-    `is_resting`: only what cannot rest.
+    `put_off`: what comes behind all else. `is_resting`: only what cannot rest.
     """
     tasks: dict[Member, list[_Task]] = {}
     for segment in found.segments:
@@ -55,7 +60,7 @@ def jobs(found: Configurations, is_checked: Callable[[Member, Layout, Arc], bool
                 sound = len(segment.sound.intersection(holders))
                 can_rest = 1 + sound >= min(needed, 1 + len(holders))
                 if not (is_resting and can_rest):
-                    tasks.setdefault(holder, []).append(_Task(is_sound, sound, can_rest, entry))
+                    tasks.setdefault(holder, []).append(_Task(entry in put_off, is_sound, sound, can_rest, entry))
     return {holder: _first(holder, listed) for holder, listed in tasks.items()}
 
 
@@ -70,7 +75,7 @@ def waiting(found: Configurations) -> int:
 
 
 def _first(holder: Member, tasks: list[_Task]) -> Job:
-    first = min(tasks, key=lambda task: (task[:3], task.entry.layout, task.entry.arc.first))
-    alike = [task.entry for task in tasks if task[:3] == first[:3] and task.entry.layout == first.entry.layout]
+    first = min(tasks, key=lambda task: (task[:4], task.entry.layout, task.entry.arc.first))
+    alike = [task.entry for task in tasks if task[:4] == first[:4] and task.entry.layout == first.entry.layout]
     ordered = sorted(alike, key=lambda entry: entry.arc.first)
     return Job(holder, first.entry.layout, tuple(ordered[:COMPARED_ARCS_MAX]), first.is_routine, first.can_rest)

@@ -63,6 +63,10 @@ class HolderFull(Refused):
     """The holder has no room for what it lacks."""
 
 
+class _NoRoomHere(Refused):
+    """What the holder has newer cannot be kept here."""
+
+
 class SpaceComparison:
     """Used from the Trio thread only."""
 
@@ -75,7 +79,7 @@ class SpaceComparison:
         self._holder = holder
         self._scene, self._space = scene, space
         self._arcs = arcs
-        self._complete = True
+        self._complete = self._has_room = True
         self.can_rest = False
         """Whether to break off, between two questions or batches, once this node is told to rest."""
         self.has_new_husks = False
@@ -95,7 +99,8 @@ class SpaceComparison:
                 if is_first:
                     self._progress.begin(self, dialogue.missing)
                     is_first = False
-                await self._bring(found.newer)
+                if self._has_room:
+                    await self._bring(found.newer)
                 await self._send_all(found.lacking)
         finally:
             self._progress.end(self)
@@ -225,10 +230,14 @@ class SpaceComparison:
 
     async def _bring(self, newer: Sequence[Known]) -> None:
         """Whatever the holder has newer, or alone: the highest version counts, whoever has it."""
-        for start in range(0, len(newer), FETCH_RECORDS):
-            wanted = await self._wanted(newer[start : start + FETCH_RECORDS])
-            while wanted:
-                wanted = wanted[await self._fetch(wanted) :]
+        try:
+            for start in range(0, len(newer), FETCH_RECORDS):
+                wanted = await self._wanted(newer[start : start + FETCH_RECORDS])
+                while wanted:
+                    wanted = wanted[await self._fetch(wanted) :]
+        except _NoRoomHere:
+            # What the holder lacks can be brought to it all the same.
+            self._has_room = self._complete = False
 
     async def _wanted(self, named: Sequence[Known]) -> list[Known]:
         """Those that are newer than what lies here. Where nobody knows what lay, other members have to be heard first (healing.py)."""
@@ -287,7 +296,7 @@ class SpaceComparison:
         if patience.cancelled_caught:
             raise Refused(RejectReason.BUSY, "the place is being handed over")
         if any(isinstance(result, NotKept) or result.outcome is Outcome.FULL for result in results):
-            raise Refused(RejectReason.STORAGE_FULL, "what a holder has newer cannot be kept here")
+            raise _NoRoomHere(RejectReason.STORAGE_FULL, "what a holder has newer cannot be kept here")
         parts.events["copies fetched"] += len(puts)
 
 

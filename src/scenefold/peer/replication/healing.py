@@ -212,7 +212,14 @@ class Healing:
         (header,) = await parts.store.record_headers([spot])
         known = None if header is None else rank_of(told_version(header))
         if known is not None:
-            heard, have_all_answered = await self._asking.offers(spot, sources.members)
+            heard, have_all_answered = await self._asking.offers(spot, sources.members, enough=known)
+            if not have_all_answered and any(offer.rank >= known for offer in heard):
+                await self._take_one(spot, [offer for offer in heard if offer.rank >= known], sources, None)
+                if not await self._is_rotten(spot):
+                    parts.events["healed"] += 1
+                    return _Verdict.OVER
+                # Who was the first to offer it could not give it: then all are heard.
+                heard, have_all_answered = await self._asking.offers(spot, sources.members)
             offers = [offer for offer in heard if offer.rank >= known]
             older = [offer for offer in heard if offer.rank < known]
         elif not isinstance((await parts.store.read([spot]))[0], DamagedData):

@@ -36,30 +36,33 @@ class Asking:
     def __init__(self, parts: Parts) -> None:
         self._peers = parts.peers
 
-    async def offers(self, spot: Spot, members: Sequence[Member]) -> tuple[list[Offer], bool]:
-        """Of those who answer, the newest first; whether all of them did."""
+    async def offers(self, spot: Spot, members: Sequence[Member], enough: Rank | None = None) -> tuple[list[Offer], bool]:
+        """Of those who answer, asked all at once, the newest first; whether all of them did.
+
+        `enough`: with the first offer of that rank or a higher one nobody else is waited for. Else who says nothing would cost each record its time.
+        """
         offers: list[Offer] = []
         answered = 0
-        for member in members:
-            with suppress(Refused, Unreachable, PeerFault):
-                offer = await self._ask(spot, member)
-                offers += [] if offer is None else [offer]
-                answered += 1
-        return _newest_first(offers), answered == len(members)
-
-    async def anywhere(self, spot: Spot, members: Sequence[Member]) -> list[Offer]:
-        """Likewise, all at once, of as many as answer."""
-        offers: list[Offer] = []
 
         async def ask(member: Member) -> None:
+            nonlocal answered
             with suppress(Refused, Unreachable, PeerFault):
                 offer = await self._ask(spot, member)
-                offers.extend([] if offer is None else [offer])
+                answered += 1
+                if offer is not None:
+                    offers.append(offer)
+                    if enough is not None and offer.rank >= enough:
+                        nursery.cancel_scope.cancel()
 
         async with trio.open_nursery() as nursery:
             for member in members:
                 nursery.start_soon(ask, member)
-        return _newest_first(offers)
+        return _newest_first(offers), answered == len(members)
+
+    async def anywhere(self, spot: Spot, members: Sequence[Member]) -> list[Offer]:
+        """Likewise, of as many as answer."""
+        found, _ = await self.offers(spot, members)
+        return found
 
     async def heard(self, spot: Spot, sources: Sources, debt: Debt | None) -> tuple[list[Offer], bool, Debt | None]:
         """What lay there or newer, of all who have it, the newest first; whether all have answered; and the debt, if only it says what lay there.

@@ -220,7 +220,10 @@ class Judging:
             self._unsettled.clear(segment.layout, segment.arc, rules=2)
 
     def _settle(self, pending: Pending) -> None:
+        # What may only be told brings no older write to count: whoever waits for that is answered by how many have it.
+        is_enough = self.counts(pending)
         for one in self._unsettled.settle(pending):
+            one.is_write &= is_enough
             for node in one.debtors:
                 if node in self._lanes:
                     self._lanes[node].settled(one)

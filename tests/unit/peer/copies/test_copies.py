@@ -14,12 +14,14 @@ from scenefold.base.location import WHOLE_LINE, Arc, Location
 from scenefold.base.reasons import RejectReason
 from scenefold.peer.copies.configurations import Configurations
 from scenefold.peer.copies.copies import Copies, Passing
-from scenefold.peer.copies.copies_note import decode_copies, encode_copies
+from scenefold.peer.copies.copies_note import check_copies, decode_copies, encode_copies
 from scenefold.peer.copies.custody import Custody
 from scenefold.peer.copies.entries import Entry
+from scenefold.peer.copies.segment import Segment
+from scenefold.peer.copies.telling import claim_of
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.holding import Holding, handover_id
-from scenefold.wire import Member, pack_value, unpack_value
+from scenefold.wire import ClaimRange, Configuration, Member, decode_packet, encode_packet, pack_value, unpack_value
 from unit.peer.copies.test_configurations import ONE, A, B, P, Q, arc, changed
 
 RIGHT_HALF = arc(50, 99)
@@ -138,6 +140,43 @@ def test_a_gap_is_unrecovered_until_all_have_said_what_they_hold() -> None:
     assert segment is not None and segment.newest is not None and segment.newest.members == (P, Q, A)
     with pytest.raises(Refused):
         copies.recover(gap, {}, 2 << 32)
+
+
+def test_who_says_another_configuration_of_the_same_number_keeps_nobody_from_reading_the_note() -> None:
+    """Nobody can tell who of them lies, so both count until the one who does is removed; and both pass on to a later owner."""
+    taker, gap = receiver(), arc(0, 99)
+    taker = step(taker, taker[0].adopt(gap, revision=taker[0].revision))
+    true, lies = [Entry(ONE, gap, 3, (P, Q, A), 2, whole=True)], [Entry(ONE, gap, 3, (P, B), 2, whole=True)]
+    for heard in ({A: true, B: lies}, {B: lies, A: true}):
+        copies = kept(taker[1].recover(gap, heard, 1 << 32))
+        segment = copies.configurations.at(ONE, Location.from_number(5))
+        assert segment is not None
+        assert [found.members for found in segment.configurations] == [(P, Q, A), (P, B)]
+        assert not segment.is_settled({Q, A}, 2, Q), "who lies holds up what is written there, and no more than that"
+    handover = handover_id(taker[0].revision + 1, bytes(8))
+    giver = step((taker[0], copies), taker[0].offer(handover, Side.LEFT, P, gap))
+    giver = step(giver, giver[0].release(handover))
+    told = decode_packet(encode_packet(claim_of(handover, gap, giver[1].passed(handover))))
+    assert isinstance(told, ClaimRange) and len(told.segments[0].configurations) == 2
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        [Segment(ONE, arc(0, 9), (Configuration(9, (P, A), 2),))],
+        [Segment(ONE, arc(0, 9), (Configuration(2, (P, A), 2), Configuration(2, (P, A), 2)))],
+        [Segment(ONE, arc(0, 9), (Configuration(2, (P, A), 2), Configuration(1, (P, A), 2)))],
+        [Segment(ONE, arc(0, 9)), Segment(ONE, arc(9, 20))],
+    ],
+)
+def test_what_could_not_be_read_again_is_never_written(wrong: list[Segment]) -> None:
+    copies = Copies(Configurations(P, 5, tuple(wrong)))
+    with pytest.raises(ValueError, match=r"order|highest"):
+        check_copies(copies)
+    with pytest.raises(ValueError, match=r"order|highest"):
+        check_copies(replace(Copies.of(P), passing=(Passing(bytes(16), 5, tuple(wrong)),)))
+    with pytest.raises(DamagedData):
+        kept(copies)
 
 
 def test_who_adopts_what_it_held_answers_for_it_as_before_until_all_is_known() -> None:

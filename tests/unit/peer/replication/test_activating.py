@@ -113,3 +113,11 @@ def test_progress_is_what_is_left_and_how_fast_it_goes() -> None:
     assert progress.left().bytes_per_s == 0.0
     progress.end("one")
     assert progress.left().records == 0
+
+
+def test_what_is_put_off_comes_behind_all_else_and_is_not_forgotten() -> None:
+    found = tell(Configurations(P).place(LAYOUT, [(arc(0, 9), (A, B)), (arc(10, 99), (A, C))], 2))
+    both = jobs(found, never)[A].entries
+    assert [entry.arc for entry in both] == [arc(0, 9), arc(10, 99)]
+    assert [entry.arc for entry in jobs(found, never, put_off=both[:1])[A].entries] == [arc(10, 99)]
+    assert jobs(found, never, put_off=both)[A].entries == both, "there is nothing else to do"

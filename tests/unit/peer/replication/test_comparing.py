@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import pytest
 import trio
 
 from scenefold.base.errors import Refused
@@ -13,7 +14,9 @@ from scenefold.base.location import Arc, Location
 from scenefold.base.prefixes import ADDRESS_BITS, AddressPrefix, Blacklist
 from scenefold.base.reasons import RejectReason
 from scenefold.crypto import RecordPlace, wanted_place
+from scenefold.peer.records.copying import NotKept
 from scenefold.peer.records.verification import KnownScene
+from scenefold.peer.replication.comparing_space import SpaceComparison
 from scenefold.peer.replication.placing_wishes import target_of
 from scenefold.peer.replication.telling_words import untold
 from scenefold.store import Put, Spot
@@ -223,3 +226,63 @@ def test_what_a_holder_refuses_is_not_counted_as_brought() -> None:
         await until(lambda: spare in holders_of(terrace, first, spots[0]) and lies_with_all(terrace, first, spots))
 
     played(main, seed=9)
+
+
+def test_one_space_that_is_never_complete_keeps_no_other_one_from_a_new_holder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when a record has rotted past knowing, and who may know it is silent."""
+    whole = SpaceComparison.run
+
+    async def never(self: SpaceComparison) -> bool:
+        return await whole(self) and self._space != THRICE
+
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        spots = places(arc_of(first), 11)[1:]
+        things = [bytes(place[:16]) for place in spots if wanted_place(bytes(place[:16])) in arc_of(first)]
+        former, *others = holders_of(terrace, first, spots[0])
+        (spare,) = [home for home in terrace.homes if home not in (first, former, *others)]
+        await first.store.put([Put(record_at(place)) for place in spots])
+        await first.store.merge([Put(object_record(thing), at=wanted_place(thing)) for thing in things])
+        monkeypatch.setattr(SpaceComparison, "run", never)
+        assert first.own is not None
+        first.own.blacklist = Blacklist(1, (AddressPrefix(former.node, ADDRESS_BITS),))
+        await until(lambda: first.living.parts.events["comparisons broken off"] > 2)
+        mine = {spot.object for spot in first.spots(OBJECTS) if is_filled(first, spare, spot.home)}
+        assert mine
+        await until(lambda: {spot.object for spot in spare.spots(OBJECTS)} >= mine)
+        sound = {member for segment in first.copies.configurations.segments for member in segment.sound if spots[0] in segment.arc}
+        assert spare.member not in sound
+        monkeypatch.setattr(SpaceComparison, "run", whole)
+        await until(lambda: is_settled(first), 90.0)
+
+    played(main, seed=9)
+
+
+def is_filled(owner: Home, holder: Home, location: Location) -> bool:
+    """Whether it is to have what lies there, and is not complete."""
+    segment = owner.copies.configurations.at(THIRDS, location)
+    assert segment is not None
+    target = target_of(segment, owner.member)
+    return target is not None and holder.member in target[0] and holder.member not in segment.sound
+
+
+def test_who_has_no_room_for_what_a_holder_has_newer_brings_it_what_it_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        await until(lambda: all(map(is_settled, terrace.homes)))
+        spots = places(arc_of(first), 20)
+        await first.store.put([Put(record_at(place)) for place in spots[:10]])
+        holder = holders_of(terrace, first, spots[0])[0]
+        mine = [place for place in spots if holder in holders_of(terrace, first, place)]
+        await holder.store.merge([Put(record_at(place)) for place in mine if place not in spots[:10]])
+
+        async def full(puts: Sequence[Put]) -> list[NotKept]:
+            return [NotKept(RejectReason.STORAGE_FULL, first.member.node) for _ in puts]
+
+        monkeypatch.setattr(first.replication.comparing, "_merge", full)
+        first.replication.comparing.check_all()
+        await until(lambda: {place for place in mine if place in spots[:10]} <= holder.places())
+        await until(lambda: first.living.parts.events["comparisons broken off"] > 0)
+
+    played(main, seed=3)

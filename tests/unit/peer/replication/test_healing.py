@@ -15,7 +15,7 @@ from scenefold.crypto import Record, wanted_place
 from scenefold.peer.line.ends import Side
 from scenefold.peer.line.strays import Strays
 from scenefold.peer.replication import healing
-from scenefold.peer.replication.healing_asking import Asking, Offer
+from scenefold.peer.replication.healing_asking import ASK_S_MAX, Asking, Offer
 from scenefold.peer.replication.healing_sources import sources_of
 from scenefold.peer.replication.lane import item_of
 from scenefold.store import Put, Spot
@@ -206,6 +206,25 @@ def test_what_all_who_hold_it_have_lost_comes_from_whoever_has_it_as_a_stray(byt
         await first.store.read([first.spot(place)])
         await until_sound(first, place)
         assert not first.replication.healing.unhealed
+
+    played(main, seed=19)
+
+
+@pytest.mark.expect_log("damaged|rotten|changed")
+def test_who_says_nothing_does_not_cost_each_record_his_time() -> None:
+    async def main(terrace: Terrace, _nursery: trio.Nursery) -> None:
+        first = terrace.homes[0]
+        spots = await filled(terrace, 12)
+        silent = holders_of(terrace, first, spots[0])[0]
+        mine = [place for place in spots if silent in holders_of(terrace, first, place)]
+        assert len(mine) > 3
+        terrace.net.cut(first.address, silent.address)
+        rot(first, mine, LAST_BYTE)
+        begun = trio.current_time()
+        await first.store.read([first.spot(place) for place in mine])
+        for place in mine:
+            await until_sound(first, place)
+        assert trio.current_time() - begun < ASK_S_MAX * len(mine) / 3
 
     played(main, seed=19)
 
