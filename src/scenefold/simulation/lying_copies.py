@@ -186,8 +186,16 @@ class LyingCopies:
             case 2:
                 numbered = tuple(replace(entry, number=first_number(packet.log_position) + 1) for entry in answer.entries)
                 return replace(answer, records=tuple(records), entries=numbered)
+            case 3:
+                return replace(answer, records=tuple(records), entries=tuple(map(self._of_the_same_number, answer.entries)))
             case _:
                 return replace(answer, records=tuple(records), next=answer.next if records or answer.entries else None)
+
+    def _of_the_same_number(self, entry: CustodyEntry) -> CustodyEntry:
+        """Another configuration than the one that was, with its number: whoever hears both cannot tell which was."""
+        owner, *holders = entry.members
+        mine = [member for member in holders if self._context is not None and member.node == self._context.me]
+        return replace(entry, members=(owner, *mine), needed=1) if entry.whole and mine else entry
 
     async def _get(self, honest: Honest, packet: Packet, peer: str) -> Packet | None:
         answer = await honest(packet, peer)
