@@ -60,7 +60,8 @@ def test_the_report_says_what_it_promises(image_and_report: tuple[Path, dict[str
     assert sum(report["records_per_node"].values()) == report["import"]["records"] > 0
     assert report["paths"] == SIZE[0] * SIZE[1] * 4
     assert report["rays"] > report["paths"] and report["paths_per_second"] > 0 and report["rays_per_second"] > 0
-    assert report["rays_passed"] > 0.3 * report["paths"] and report["bytes_passed"] == 36 * report["rays_passed"]
+    assert report["pools"] == 2, "each holds all of so small a scene"
+    assert report["rays_passed"] >= 0 and report["bytes_passed"] == 36 * report["rays_passed"]
     assert 0 < report["efficiency"] <= 1
     assert report["left_out"] == [], "these nodes are its own"
     assert set(report["seconds"]) >= {"read", "start", "import", "render", "write", "stop"}
