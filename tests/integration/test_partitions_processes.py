@@ -109,7 +109,7 @@ def test_three_ways_and_one_table(profile: str, tmp_path: Path) -> None:
     """Of a scene of a cluster, whose keys each worker opens."""
     hashes = set()
     for way in ("spatial", "visual", "temporal"):
-        more = () if way == "spatial" else ("--threads", "2")
+        more = ("--pools", "1") if way == "spatial" else ("--threads", "2")
         files = ("-o", tmp_path / f"{way}.exr", "--report", tmp_path / f"{way}.json")
         report = done("--scene", "kitchen", "--partition", way, *more, *files, profile=profile)
         assert json.loads((tmp_path / f"{way}.json").read_text()) == report
