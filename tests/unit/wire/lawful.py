@@ -9,7 +9,7 @@ from scenefold.base.ids import NodeId
 from scenefold.base.image_limits import ADAPTIVE_MAX, CLAMP_MAX, EXPOSURE_MAX, ROTATION_MAX, SAMPLERS, SKY_MAX
 from scenefold.base.location import FIRST
 from scenefold.wire.copy_packets import Copy, CopyState, Counted, Listed
-from scenefold.wire.custody import Confirmed, CustodyEntry, Enough, LaidOut, Rising, Single
+from scenefold.wire.custody import Confirmed, CustodyEntry, Enough, LaidOut, Passed, PassedSegment, Rising, Single
 from scenefold.wire.custody_packets import Assigned
 from scenefold.wire.laws import All, Apart, Distinct, Inside, Law, Masked, Needs, OneOf, Only, Order, Pairs
 from scenefold.wire.log_entries import Boxed
@@ -70,6 +70,8 @@ def lawful(law: Law | None, fields: dict[str, Any]) -> dict[str, Any]:
         case Rising():
             by_number = {found.number: found for found in fields["configurations"]}
             fields = {**fields, "configurations": tuple(by_number[number] for number in sorted(by_number))}
+        case Passed():
+            fields = _passed(fields)
         case Single():
             numbers = {found.member: found.number for found in fields["confirmed"]}
             fields = {**fields, "confirmed": tuple(Confirmed(member, number) for member, number in numbers.items())}
@@ -132,6 +134,15 @@ def _assigned(fields: dict[str, Any]) -> tuple[CustodyEntry, ...]:
         needed = min(entry.needed, len(members))
         found.append(replace(entry, members=members, needed=needed, number=min(entry.number, fields["number"])))
     return tuple(found)
+
+
+def _passed(fields: dict[str, Any]) -> dict[str, Any]:
+    """The segments in order, those that overlap left out."""
+    found = list[PassedSegment]()
+    for segment in sorted(fields["segments"], key=lambda segment: (segment.layout, segment.first)):
+        if not found or (found[-1].layout, found[-1].last) < (segment.layout, segment.first):
+            found.append(segment)
+    return {**fields, "segments": tuple(found)}
 
 
 def _under(copy: Copy, count: int) -> Copy:

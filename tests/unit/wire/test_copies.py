@@ -124,7 +124,6 @@ def test_what_makes_sense_is_taken(packet: Packet) -> None:
         (setting(replace(ENTRY, layout=(LOW, FIRST))), "SetCustody.entries[0]", "offsets in layout distinct and not 0"),
         (setting(replace(ENTRY, layout=(LOW, LOW))), "SetCustody.entries[0]", "offsets in layout distinct and not 0"),
         (ClaimRange(bytes(16), MIDDLE, HIGH, 6, (PASSED,)), "ClaimRange", "segments in first to last"),
-        (ClaimRange(bytes(16), LOW, HIGH, 5, (PASSED,)), "ClaimRange", "numbered number at most"),
         (ClaimRange(bytes(16), LOW, HIGH, 6, (PASSED, PASSED)), "ClaimRange", "of one layout apart"),
         (ClaimRange(bytes(16), LOW, HIGH, 6, (PASSED, replace(PASSED, first=MIDDLE, last=HIGH))), "ClaimRange", "of one layout apart"),
         (

@@ -174,6 +174,8 @@ class Receiving:
             await self._parts.cluster_log.pull_from(handover.peer.node)
         if not is_possible(packet.number, self._parts.cluster_log.registry.position):
             raise Refused(RejectReason.ILL_FORMED, "no owner can have come to such a number of configurations")
+        if any(found.number > packet.number for segment in packet.segments for found in segment.configurations):
+            raise Refused(RejectReason.ILL_FORMED, "a configuration has a higher number than all that the giver has met")
         piece = Arc(packet.first, packet.last)
         unlike: set[Layout] = set()
         if handover.step is Step.NOTED:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 import trio
@@ -10,13 +11,14 @@ import trio
 from scenefold.base.errors import DamagedData, PeerFault, Refused, Unreachable
 from scenefold.base.location import Arc, Location
 from scenefold.base.placement import Layout
-from scenefold.peer.copies.copies import Copies
-from scenefold.peer.copies.copies_note import decode_copies
+from scenefold.peer.copies.copies import Copies, Passing
+from scenefold.peer.copies.copies_note import check_copies, decode_copies, encode_copies
+from scenefold.peer.copies.telling import claim_of
 from scenefold.peer.line import Side
 from scenefold.peer.line.holding import Holding
 from scenefold.store.holding import COPIES_KEY
 from scenefold.store.layout import HOLDING
-from scenefold.wire import ClaimRange, Member
+from scenefold.wire import ClaimRange, Configuration, Member, PassedSegment
 from scenefold.world import DiskFailed
 from scenefold.world.sim import Point
 from unit.peer.line.street import House, Street, places
@@ -119,6 +121,32 @@ def test_a_number_that_nobody_can_have_come_to_is_not_taken(monkeypatch: pytest.
         await giver.line.give(Side.RIGHT, end_of(giver.line.arc, Side.RIGHT, 0.5), why="a test")
         assert receiver.line is not None
         assert receiver.line.parts.keeper.copies.configurations.number < 10
+        assert receiver.line.events["taken"] == 1
+
+    monkeypatch.setattr("scenefold.peer.line.giving.claim_of", lying)
+    play(story, **STREET)
+    assert len(claims) == 4
+
+
+def test_a_claim_with_a_configuration_above_its_number_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its receiver would write down what it could not read at its next start."""
+    claims: list[ClaimRange] = []
+
+    def lying(handover: bytes, piece: Arc, passing: Passing | None) -> ClaimRange:
+        told = claim_of(handover, piece, passing)
+        layout, members = (Location.from_number(7), Location.from_number(8)), (Member(7, b"i" * 16), Member(8, b"j" * 16))
+        above = PassedSegment(layout, piece.first, piece.last, (Configuration(told.number + 1, members, 2),), ())
+        claims.append(replace(told, segments=(above,)) if len(claims) < 3 else told)
+        return claims[-1]
+
+    async def story(street: Street) -> None:
+        giver, receiver = street.houses[GIVER], street.houses[RECEIVER]
+        await trio.sleep(11.0)
+        assert giver.line is not None and giver.line.arc is not None and receiver.line is not None
+        await giver.line.give(Side.RIGHT, end_of(giver.line.arc, Side.RIGHT, 0.5), why="a test")
+        copies = receiver.line.parts.keeper.copies
+        check_copies(copies)
+        assert decode_copies(encode_copies(copies), copies.configurations.me) == copies
         assert receiver.line.events["taken"] == 1
 
     monkeypatch.setattr("scenefold.peer.line.giving.claim_of", lying)
