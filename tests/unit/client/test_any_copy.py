@@ -11,9 +11,17 @@ from trio.testing import MockClock
 from scenefold.base.errors import DamagedData, Refused, Unreachable
 from scenefold.base.ids import node_id_of
 from scenefold.base.location import Location
+from scenefold.client import Space
 from scenefold.wire import Configuration, Member, RecordBytes
 from unit.client.test_copy_reads import LAYOUTS, HoldingNodes, kept_scene, owned_by
 from unit.client.test_records import FILES, ITEMS, PLACES, _scene
+
+
+def stranger_at(nodes: HoldingNodes) -> Space:
+    """A client that has met nothing yet."""
+    space = _scene(nodes).space(FILES)
+    space._access.identity = replace(space._access.identity, layouts=LAYOUTS)
+    return space
 
 
 async def test_any_copy_is_what_anybody_has(autojump_clock: MockClock) -> None:
@@ -39,8 +47,7 @@ async def test_any_copy_is_never_older_than_what_was_met(autojump_clock: MockClo
     nodes.away.remove(other)
     nodes.kept[other] = {where: RecordBytes(item.signature, item.header, item.ciphertext) for (_, where), item in nodes.records.items()}
     assert await scene.space(FILES).get(place, any_copy=True) == b"newer"
-    stranger = _scene(nodes).space(FILES)
-    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
+    stranger = stranger_at(nodes)
     nodes.away.add(other)
     assert await stranger.get(place, any_copy=True) not in (None, b"newer"), f"who has met nothing takes what {behind} has"
 
@@ -52,8 +59,7 @@ async def test_any_copy_is_never_older_than_what_any_copy_has_shown(autojump_clo
     (place, *_) = owned_by(nodes, owner)
     await scene.space(FILES).put(place, b"newer")
     nodes.kept[other] = {where: RecordBytes(item.signature, item.header, item.ciphertext) for (_, where), item in nodes.records.items()}
-    stranger = _scene(nodes).space(FILES)
-    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
+    stranger = stranger_at(nodes)
     nodes.away |= {owner, behind}
     assert await stranger.get(place, any_copy=True) == b"newer"
     nodes.away = {owner, other}
@@ -86,11 +92,9 @@ async def test_any_copy_is_no_stray_as_long_as_a_holder_may_have_something_newer
     item = nodes.records[FILES, place]
     nodes.kept[other][place] = RecordBytes(item.signature, item.header, item.ciphertext)
     nodes.away.add(owner.address)
-    stranger = _scene(nodes).space(FILES)
-    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
+    stranger = stranger_at(nodes)
     assert await stranger.get(place, any_copy=True) == b"newer"
     nodes.away.add(other)
-    stranger = _scene(nodes).space(FILES)
-    stranger._access.identity = replace(stranger._access.identity, layouts=LAYOUTS)
+    stranger = stranger_at(nodes)
     with pytest.raises((Refused, Unreachable)):
         await stranger.get(place, any_copy=True)

@@ -125,14 +125,16 @@ class Keeper:
         return self._cluster_log.registry.removal(member.incarnation) is not None
 
     async def _keep(self, holding: Holding, copies: Copies) -> None:
-        try:
-            check_copies(copies)
-        except ValueError as problem:
-            what = f"what this node would keep about copies is nothing that it could read again ({problem}): somebody told it so"
-            raise Refused(RejectReason.ILL_FORMED, what) from problem
+        is_new = copies != self.copies or not self._is_begun
+        if is_new:
+            try:
+                check_copies(copies)
+            except ValueError as problem:
+                what = f"what this node would keep about copies is nothing that it could read again ({problem}): somebody told it so"
+                raise Refused(RejectReason.ILL_FORMED, what) from problem
         # Cancelled half-way, nobody would know what the disk says.
         with trio.CancelScope(shield=True):
-            note = None if copies == self.copies and self._is_begun else encode_copies(copies)
+            note = encode_copies(copies) if is_new else None
             await self._store.put_holding(holding.arc, encode_holding(holding), note)
         self._take(holding, copies)
 
